@@ -1,0 +1,5 @@
+//! E04xx: items, properties and values.
+
+use super::CodeInfo;
+
+pub(super) const CODES: &[CodeInfo] = &[];

@@ -1,0 +1,5 @@
+//! E05xx: lowering, analysis and backends.
+
+use super::CodeInfo;
+
+pub(super) const CODES: &[CodeInfo] = &[];

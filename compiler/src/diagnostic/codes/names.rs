@@ -1,0 +1,5 @@
+//! E02xx: names and modules.
+
+use super::CodeInfo;
+
+pub(super) const CODES: &[CodeInfo] = &[];

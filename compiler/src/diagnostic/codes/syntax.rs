@@ -1,0 +1,5 @@
+//! E01xx: syntax.
+
+use super::CodeInfo;
+
+pub(super) const CODES: &[CodeInfo] = &[];

@@ -1,0 +1,8 @@
+//! The compiler of Tyndall, the language for light in matter: `.vol` text in, a `Program` out.
+//!
+//! A pure library: no files, clock, threads or environment, and no wgpu. Texts and grid headers come through [`loader::Loader`].
+
+pub mod diagnostic;
+pub mod loader;
+pub mod source;
+pub mod syntax;

@@ -1,0 +1,3 @@
+//! Text to syntax tree. pest's `Rule` never leaves this room.
+
+pub mod ast;
