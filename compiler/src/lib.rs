@@ -2,7 +2,9 @@
 //!
 //! A pure library: no files, clock, threads or environment, and no wgpu. Texts and grid headers come through [`loader::Loader`].
 
+pub mod check;
 pub mod diagnostic;
+pub mod ir;
 pub mod loader;
 pub mod source;
 pub mod syntax;

@@ -81,7 +81,11 @@ pub struct NoFiles;
 
 impl NoFiles {
     fn refuse(path: &str) -> LoadError {
-        LoadError { code: "E0601", message: format!("there is no file `{path}`: this compilation has no files"), hint: None }
+        LoadError {
+            code: "E0601",
+            message: format!("there is no file `{path}`: this compilation has no files"),
+            hint: None,
+        }
     }
 }
 

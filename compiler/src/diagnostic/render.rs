@@ -14,7 +14,8 @@ pub fn to_codespan(diagnostic: &Diagnostic) -> cs::Diagnostic<usize> {
     };
     let labels = diagnostic.labels.iter().map(|l| {
         let id = l.span.source.0 as usize;
-        let label = if l.primary { cs::Label::primary(id, l.span.range()) } else { cs::Label::secondary(id, l.span.range()) };
+        let label =
+            if l.primary { cs::Label::primary(id, l.span.range()) } else { cs::Label::secondary(id, l.span.range()) };
         label.with_message(&l.text)
     });
     let notes = diagnostic.notes.iter().map(|n| format!("note: {n}"));

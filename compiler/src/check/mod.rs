@@ -1,0 +1,3 @@
+//! Types and dimensions: the only room that knows units.
+
+pub mod hir;
