@@ -6,5 +6,6 @@ pub mod check;
 pub mod diagnostic;
 pub mod ir;
 pub mod loader;
+pub mod program;
 pub mod source;
 pub mod syntax;

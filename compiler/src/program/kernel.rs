@@ -1,0 +1,451 @@
+//! Kernels: the small imperative language between backends and `emit`. Backends write it, `emit` makes naga of it.
+//!
+//! Semantics are WGSL's on typed values. There is no recursion: a function calls only functions before it.
+//! Every `Loop` must end by itself; backends give each a counter with a cap.
+
+use crate::source::Span;
+
+/// Scalar types of the machine.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names are the types")]
+pub enum Prim {
+    Bool,
+    F32,
+    I32,
+    U32,
+}
+
+/// Types of the machine.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Ty {
+    /// One component (`width` 1) or a vector of 2 to 4.
+    Value(Prim, u8),
+    /// A struct of the kernel, by index.
+    Struct(u32),
+}
+
+impl Ty {
+    /// `bool`
+    pub const BOOL: Self = Self::Value(Prim::Bool, 1);
+    /// `f32`
+    pub const F32: Self = Self::Value(Prim::F32, 1);
+    /// `i32`
+    pub const I32: Self = Self::Value(Prim::I32, 1);
+    /// `u32`
+    pub const U32: Self = Self::Value(Prim::U32, 1);
+    /// `vec3<f32>`
+    pub const VEC3: Self = Self::Value(Prim::F32, 3);
+
+    /// `f32` or `vecN<f32>`.
+    #[must_use]
+    pub fn float(width: u8) -> Self {
+        Self::Value(Prim::F32, width)
+    }
+}
+
+/// A struct declaration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Struct {
+    /// Its name.
+    pub name: String,
+    /// Names and types; values only, no structs within structs.
+    pub fields: Vec<(String, Ty)>,
+}
+
+/// Something bound from outside; its binding number is its index, its group 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resource {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub kind: ResourceKind,
+}
+
+/// Kinds of resources.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum ResourceKind {
+    /// `var<uniform>` of a struct; at most one per kernel. Read by [`Expr::Uniform`].
+    Uniform(u32),
+    /// `var<storage, read> array<T>`.
+    ReadBuffer(Ty),
+    /// `var<storage, read_write> array<T>`.
+    WriteBuffer(Ty),
+    /// `texture_3d<T>` of f32, i32 or u32.
+    Texture3d(Prim),
+}
+
+/// A local of a function.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct LocalId(pub u32);
+
+/// A function of the kernel, by index.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct FunctionId(pub u32);
+
+/// Declaration of a local: a `let` or a `var`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Local {
+    /// The name wanted; `emit` makes it unique in its function and a legal identifier.
+    pub name: String,
+    /// Its type.
+    pub ty: Ty,
+    /// The expression of the scene it stands for, for the source map.
+    pub origin: Option<Span>,
+}
+
+/// A function.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Function {
+    /// The name wanted.
+    pub name: String,
+    /// Names and types.
+    pub parameters: Vec<(String, Ty)>,
+    /// What it returns.
+    pub result: Option<Ty>,
+    /// Its locals, indexed by [`LocalId`].
+    pub locals: Vec<Local>,
+    /// What it does; every path returns if there is a result.
+    pub body: Vec<Stmt>,
+    /// The item or property of the scene it stands for.
+    pub origin: Option<Span>,
+}
+
+/// A compute kernel. One invocation per ray (or whatever the plan says).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kernel {
+    /// Name of the entry point.
+    pub name: String,
+    /// Size of a workgroup.
+    pub workgroup: [u32; 3],
+    /// Structs.
+    pub structs: Vec<Struct>,
+    /// What is bound.
+    pub resources: Vec<Resource>,
+    /// Functions, callees first.
+    pub functions: Vec<Function>,
+    /// The entry point: no parameters, no result.
+    pub entry: Function,
+}
+
+/// A statement.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stmt {
+    /// Binds an immutable local.
+    Let(LocalId, Expr),
+    /// Declares a mutable local with its first value.
+    Var(LocalId, Expr),
+    /// Sets a mutable local.
+    Assign(LocalId, Expr),
+    /// A branch.
+    If(Expr, Vec<Stmt>, Vec<Stmt>),
+    /// Repeats until `Break` or `Return`.
+    Loop(Vec<Stmt>),
+    /// Leaves the innermost loop.
+    Break,
+    /// Begins the innermost loop anew.
+    Continue,
+    /// Leaves the function.
+    Return(Option<Expr>),
+    /// `buffer[index] = value`
+    Store {
+        /// A [`ResourceKind::WriteBuffer`], by index of the resource.
+        buffer: u32,
+        /// u32.
+        index: Expr,
+        /// Of the element type.
+        value: Expr,
+    },
+}
+
+/// Unary operators.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names are the operators")]
+pub enum UnaryOp {
+    Neg,
+    Not,
+}
+
+/// Binary operators, componentwise on equal types; a shift takes u32 on the right.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names are the operators")]
+pub enum BinaryOp {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Rem,
+    Less,
+    LessEqual,
+    Greater,
+    GreaterEqual,
+    Equal,
+    NotEqual,
+    And,
+    Or,
+    BitAnd,
+    BitOr,
+    BitXor,
+    ShiftLeft,
+    ShiftRight,
+}
+
+/// Built-in functions, WGSL's of the same name.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names are the functions")]
+pub enum Math {
+    Abs,
+    Sign,
+    Floor,
+    Ceil,
+    Round,
+    Sqrt,
+    InverseSqrt,
+    Exp,
+    Log,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Atan2,
+    Sinh,
+    Cosh,
+    Tanh,
+    Pow,
+    Min,
+    Max,
+    Clamp,
+    Dot,
+    Cross,
+    Length,
+    Normalize,
+}
+
+/// An expression.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expr {
+    /// f32, rounded from this number; must be finite in f32.
+    F32(f64),
+    /// i32
+    I32(i32),
+    /// u32
+    U32(u32),
+    /// bool
+    Bool(bool),
+    /// A local.
+    Local(LocalId),
+    /// A parameter of the function.
+    Argument(u32),
+    /// A field of the uniform struct.
+    Uniform(u32),
+    /// `@builtin(global_invocation_id)`, vec3 of u32; in the entry point only.
+    GlobalId,
+    /// Prefix operator.
+    Unary(UnaryOp, Box<Expr>),
+    /// Infix operator.
+    Binary(BinaryOp, Box<Expr>, Box<Expr>),
+    /// Built-in function.
+    Math(Math, Vec<Expr>),
+    /// A vector from scalars, or a struct from its fields.
+    Compose(Ty, Vec<Expr>),
+    /// A vector of one scalar.
+    Splat(Box<Expr>, u8),
+    /// A component.
+    Component(Box<Expr>, u8),
+    /// A field of a struct value.
+    Field(Box<Expr>, u32),
+    /// `select(reject, accept, condition)`: condition, accept, reject. The condition is one bool.
+    Select(Box<Expr>, Box<Expr>, Box<Expr>),
+    /// Conversion of values.
+    Convert(Prim, Box<Expr>),
+    /// Reinterpretation of bits.
+    Bitcast(Prim, Box<Expr>),
+    /// A call of an earlier function with a result.
+    Call(FunctionId, Vec<Expr>),
+    /// `textureLoad(texture, at, 0)`: vec4; `at` is vec3 of i32.
+    TextureLoad(u32, Box<Expr>),
+    /// `buffer[index]`; the index is u32.
+    Load(u32, Box<Expr>),
+}
+
+impl Expr {
+    /// A prefix operator.
+    #[must_use]
+    pub fn unary(op: UnaryOp, a: impl Into<Self>) -> Self {
+        Self::Unary(op, Box::new(a.into()))
+    }
+
+    /// An infix operator.
+    #[must_use]
+    pub fn binary(op: BinaryOp, a: impl Into<Self>, b: impl Into<Self>) -> Self {
+        Self::Binary(op, Box::new(a.into()), Box::new(b.into()))
+    }
+
+    /// A built-in function.
+    #[must_use]
+    pub fn math<const N: usize>(f: Math, arguments: [Self; N]) -> Self {
+        Self::Math(f, arguments.into())
+    }
+
+    /// `self < other`
+    #[must_use]
+    pub fn less(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::Less, self, other)
+    }
+
+    /// `self <= other`
+    #[must_use]
+    pub fn less_equal(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::LessEqual, self, other)
+    }
+
+    /// `self > other`
+    #[must_use]
+    pub fn greater(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::Greater, self, other)
+    }
+
+    /// `self >= other`
+    #[must_use]
+    pub fn greater_equal(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::GreaterEqual, self, other)
+    }
+
+    /// `self == other`
+    #[must_use]
+    pub fn equal(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::Equal, self, other)
+    }
+
+    /// `self && other`
+    #[must_use]
+    pub fn and(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::And, self, other)
+    }
+
+    /// `self || other`
+    #[must_use]
+    pub fn or(self, other: impl Into<Self>) -> Self {
+        Self::binary(BinaryOp::Or, self, other)
+    }
+
+    /// `min(self, other)`
+    #[must_use]
+    pub fn min(self, other: impl Into<Self>) -> Self {
+        Self::Math(Math::Min, vec![self, other.into()])
+    }
+
+    /// `max(self, other)`
+    #[must_use]
+    pub fn max(self, other: impl Into<Self>) -> Self {
+        Self::Math(Math::Max, vec![self, other.into()])
+    }
+
+    /// `dot(self, other)`
+    #[must_use]
+    pub fn dot(self, other: impl Into<Self>) -> Self {
+        Self::Math(Math::Dot, vec![self, other.into()])
+    }
+
+    /// Square root.
+    #[must_use]
+    pub fn sqrt(self) -> Self {
+        Self::Math(Math::Sqrt, vec![self])
+    }
+
+    /// e^self.
+    #[must_use]
+    pub fn exp(self) -> Self {
+        Self::Math(Math::Exp, vec![self])
+    }
+
+    /// |self|
+    #[must_use]
+    pub fn abs(self) -> Self {
+        Self::Math(Math::Abs, vec![self])
+    }
+
+    /// Component `i`.
+    #[must_use]
+    pub fn component(self, i: u8) -> Self {
+        Self::Component(Box::new(self), i)
+    }
+
+    /// Field `i`.
+    #[must_use]
+    pub fn field(self, i: u32) -> Self {
+        Self::Field(Box::new(self), i)
+    }
+
+    /// One scalar `width` times; a width of 1 is the scalar itself.
+    #[must_use]
+    pub fn splat(self, width: u8) -> Self {
+        if width == 1 { self } else { Self::Splat(Box::new(self), width) }
+    }
+
+    /// `self ? accept : reject`
+    #[must_use]
+    pub fn select(self, accept: impl Into<Self>, reject: impl Into<Self>) -> Self {
+        Self::Select(Box::new(self), Box::new(accept.into()), Box::new(reject.into()))
+    }
+
+    /// Conversion of the value.
+    #[must_use]
+    pub fn convert(self, prim: Prim) -> Self {
+        Self::Convert(prim, Box::new(self))
+    }
+
+    /// Reinterpretation of the bits.
+    #[must_use]
+    pub fn bitcast(self, prim: Prim) -> Self {
+        Self::Bitcast(prim, Box::new(self))
+    }
+}
+
+impl From<LocalId> for Expr {
+    fn from(id: LocalId) -> Self {
+        Self::Local(id)
+    }
+}
+
+impl From<f64> for Expr {
+    fn from(value: f64) -> Self {
+        Self::F32(value)
+    }
+}
+
+impl From<u32> for Expr {
+    fn from(value: u32) -> Self {
+        Self::U32(value)
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $op:expr) => {
+        impl<T: Into<Expr>> std::ops::$trait<T> for Expr {
+            type Output = Expr;
+            fn $method(self, other: T) -> Expr {
+                Expr::binary($op, self, other)
+            }
+        }
+    };
+}
+operator!(Add, add, BinaryOp::Add);
+operator!(Sub, sub, BinaryOp::Sub);
+operator!(Mul, mul, BinaryOp::Mul);
+operator!(Div, div, BinaryOp::Div);
+
+impl std::ops::Neg for Expr {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self::unary(UnaryOp::Neg, self)
+    }
+}
+
+impl std::ops::Not for Expr {
+    type Output = Self;
+    fn not(self) -> Self {
+        Self::unary(UnaryOp::Not, self)
+    }
+}

@@ -1,0 +1,28 @@
+//! The handover from compiler to runtime: plain data.
+
+pub mod kernel;
+mod ledger;
+mod plan;
+
+pub use ledger::{Ledger, Omission};
+pub use plan::{
+    Binding, Extent, Fault, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, UniformField,
+    UniformLayout, UniformSource, texture_prim,
+};
+
+use crate::ir::FieldScene;
+
+/// A compiled scene.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The scene as lowered, for the reference engine: a wrong pass cannot hide there.
+    pub lowered: FieldScene,
+    /// The scene after the passes: what the plan's nodes refer to.
+    pub optimised: FieldScene,
+    /// The kernels that the plan's passes name. `emit` turns each into a shader.
+    pub kernels: Vec<kernel::Kernel>,
+    /// What to bind, fill and dispatch.
+    pub plan: Plan,
+    /// What was left out, and why.
+    pub ledger: Ledger,
+}

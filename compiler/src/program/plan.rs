@@ -1,0 +1,237 @@
+//! The plan: what the runtime binds, fills and dispatches, as plain data.
+
+use crate::ir::{GridId, NodeId, TableId};
+
+/// Where the rays of a drawing come from.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum RaySource {
+    /// One per pixel (and sample) of the camera.
+    Camera,
+    /// A buffer of rays: origin xyz, least t, direction xyz, 0 (eight f32 each).
+    List,
+}
+
+/// What can come out of a ray. A quantity per band has the width of the bands, or 1 when it is the same in all.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum OutputKind {
+    /// Radiance in lx, per band.
+    Radiance,
+    /// Transmittance from the eye to the end of the ray, per band.
+    Transmittance,
+    /// Optical depth, per band; +∞ where it is unbounded.
+    OpticalDepth,
+    /// Estimated absolute error of the radiance, the largest over the bands: local errors, early exit, exceeded caps. Width 1.
+    Error,
+    /// Field evaluations. Width 1.
+    Evaluations,
+    /// 0, or what went wrong and how far along the ray: the bits of a u32 ([`Fault::code`]), then the position (4 wide).
+    Fault,
+    /// 1 where the pixel straddles an edge of a shape, else 0. Width 1.
+    Edge,
+}
+
+/// One output's place in the record of a ray.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// Which.
+    pub kind: OutputKind,
+    /// First f32 of it in the record.
+    pub offset: u32,
+    /// Components.
+    pub width: u8,
+}
+
+/// What a kernel can find wrong at run time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Index of the medium in the scene.
+    pub medium: u32,
+    /// `k_a`, `k_s`, `k_e` or `k_t`.
+    pub field: &'static str,
+    /// Whether it was not finite (else negative).
+    pub not_finite: bool,
+}
+
+impl Fault {
+    /// The number a kernel writes: 1 + medium·8 + field·2 + not_finite, with fields k_a, k_s, k_e, k_t in this order.
+    #[must_use]
+    pub fn code(&self) -> u32 {
+        let field = Self::FIELDS.iter().position(|f| *f == self.field).unwrap_or(0) as u32;
+        1 + self.medium * 8 + field * 2 + u32::from(self.not_finite)
+    }
+
+    /// The fault that a number other than 0 stands for.
+    #[must_use]
+    pub fn from_code(code: u32) -> Option<Self> {
+        let n = code.checked_sub(1)?;
+        Some(Self { medium: n / 8, field: Self::FIELDS[(n % 8 / 2) as usize], not_finite: n % 2 == 1 })
+    }
+
+    const FIELDS: [&'static str; 4] = ["k_a", "k_s", "k_e", "k_t"];
+}
+
+/// Where the value of a uniform comes from.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum UniformSource {
+    /// A node of the optimised graph of tier Frame, evaluated in f64 on the host.
+    Node(NodeId),
+    /// Something about this drawing.
+    Frame(FrameValue),
+}
+
+/// What the runtime knows about a drawing. Lengths are in the scene's units.
+///
+/// A camera ray through the point (x, y) of the picture (pixels from the top left corner) is made from
+/// u = (2x − width)/height and v = 1 − 2y/height:
+/// - perspective: origin = anchor + plane·(u·right + v·up), direction = normalize(forward + u·right + v·up),
+///   with right and up scaled by tan(fov/2); anchor = eye + plane·forward. The plane is put near the scene when the eye
+///   is far from it, so that f32 loses nothing; t starts at −|origin − eye| = −plane·|forward + u·right + v·up|.
+/// - orthographic: origin = anchor + u·right + v·up with right and up scaled by height/2, direction = forward, t starts at −plane.
+/// - panorama: longitude = π·(2x/width − 1), latitude = π·(½ − y/height), origin = anchor, t starts at 0,
+///   direction = cos(latitude)·(sin(longitude)·right + cos(longitude)·forward) + sin(latitude)·up.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum FrameValue {
+    /// First pixel of this dispatch: vec2 of u32.
+    TileOrigin,
+    /// Pixels of this dispatch: vec2 of u32. The record of pixel (i, j) of the tile is number j·width + i.
+    TileSize,
+    /// Pixels of the picture: vec2 of u32.
+    ImageSize,
+    /// Number of rays in the list: u32.
+    RayCount,
+    /// vec3
+    CameraAnchor,
+    /// vec3, unit
+    CameraForward,
+    /// vec3, scaled as said above
+    CameraRight,
+    /// vec3, scaled as said above
+    CameraUp,
+    /// f32: distance of the anchor from the eye along forward
+    CameraPlane,
+    /// f32: A of `accuracy`
+    Accuracy,
+    /// f32: W of `accuracy`, display white in lx; 0 for a probe, whose accuracy is relative
+    White,
+    /// u32: `steps`
+    Steps,
+    /// u32: `max_work`
+    MaxWork,
+    /// f32: how many pixels of the picture one unit of u spans (height/2)
+    PixelScale,
+}
+
+/// One field of the uniform block. Layout is WGSL's: offsets in bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UniformField {
+    /// Its name in the shader.
+    pub name: String,
+    /// Byte offset.
+    pub offset: u32,
+    /// Components, f32 or u32 each.
+    pub width: u8,
+    /// Whether it is u32 (else f32). Truth values are u32 0 or 1.
+    pub integer: bool,
+    /// Where its value comes from.
+    pub source: UniformSource,
+}
+
+/// The uniform block.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct UniformLayout {
+    /// In order of offset.
+    pub fields: Vec<UniformField>,
+    /// Bytes, a multiple of 16.
+    pub size: u32,
+}
+
+/// What is bound at one binding of group 0; the index is the binding.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Binding {
+    /// The uniform block.
+    Uniforms,
+    /// A 3D texture of a grid's stored values (not scaled): R8/R16/R32 Uint or Sint, or R32Float, as [`texture_prim`] says.
+    Grid(GridId),
+    /// A table: array of f32: per row its key, then its values, `width + 1` numbers a row.
+    Table(TableId),
+    /// Rays of the list.
+    Rays,
+    /// Records, one per ray: array of f32.
+    Records,
+}
+
+/// How many invocations a pass has.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// One per pixel of the tile, in two dimensions.
+    Tile,
+    /// One per ray of the list, in one dimension.
+    Rays,
+}
+
+/// One dispatch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pass {
+    /// Which of the program's kernels.
+    pub kernel: u32,
+    /// Over what.
+    pub extent: Extent,
+}
+
+/// How steps are chosen.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub enum StepRule {
+    /// Closed forms only: no step at all.
+    Closed,
+    /// This many midpoint steps, spread over the media along the ray.
+    Fixed(u32),
+    /// By local error control, to this accuracy.
+    Adaptive(f64),
+}
+
+/// Everything the runtime must know to draw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Name of the backend that made it.
+    pub backend: &'static str,
+    /// Where rays come from.
+    pub rays: RaySource,
+    /// What comes out, in order of offset.
+    pub outputs: Vec<Output>,
+    /// f32 per record.
+    pub stride: u32,
+    /// Group 0.
+    pub bindings: Vec<Binding>,
+    /// Contents of the uniform block.
+    pub uniforms: UniformLayout,
+    /// In order.
+    pub passes: Vec<Pass>,
+    /// How steps are chosen.
+    pub steps: StepRule,
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Most evaluations a ray of the camera is expected to need: for the size of tiles.
+    pub work_per_ray: u32,
+}
+
+impl Plan {
+    /// The output of this kind, if it was asked for.
+    #[must_use]
+    pub fn output(&self, kind: OutputKind) -> Option<Output> {
+        self.outputs.iter().copied().find(|o| o.kind == kind)
+    }
+}
+
+/// The component type of the texture that holds voxels of this kind, and whether it holds them exactly.
+/// 64-bit voxels are converted to f32.
+#[must_use]
+pub fn texture_prim(scalar: crate::loader::Scalar) -> (super::kernel::Prim, bool) {
+    use super::kernel::Prim;
+    use crate::loader::Scalar;
+    match scalar {
+        Scalar::U8 | Scalar::U16 | Scalar::U32 => (Prim::U32, true),
+        Scalar::I8 | Scalar::I16 | Scalar::I32 => (Prim::I32, true),
+        Scalar::F32 => (Prim::F32, true),
+        Scalar::U64 | Scalar::I64 | Scalar::F64 => (Prim::F32, false),
+    }
+}
