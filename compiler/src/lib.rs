@@ -6,6 +6,8 @@ pub mod check;
 pub mod diagnostic;
 pub mod ir;
 pub mod loader;
+mod options;
 pub mod program;
 pub mod source;
 pub mod syntax;
+pub use options::{Compilation, Options};

@@ -1,0 +1,72 @@
+//! What a caller can ask of a compilation beyond the scene, and what it gets.
+
+use crate::diagnostic::Diagnostics;
+use crate::ir::{Aa, Backend, Scattering};
+use crate::program::{OutputKind, Program, RaySource};
+use crate::source::Sources;
+
+/// Overrides of the scene's schedule, and what is to come out. None of it changes what the scene means.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Where rays come from.
+    pub rays: RaySource,
+    /// What comes out of each ray; the plan says where in the record.
+    pub outputs: Vec<OutputKind>,
+    /// Instead of `render.backend`.
+    pub backend: Option<Backend>,
+    /// Instead of `render.steps`.
+    pub steps: Option<u32>,
+    /// Instead of `render.accuracy`; also drops `render.steps` unless `steps` is given too.
+    pub accuracy: Option<f64>,
+    /// Instead of `render.scattering`.
+    pub scattering: Option<Scattering>,
+    /// Instead of `image.size`.
+    pub size: Option<[u32; 2]>,
+    /// Instead of `image.aa`.
+    pub aa: Option<Aa>,
+}
+
+impl Default for Options {
+    /// A picture by the scene's own schedule: radiance, transmittance and error of each pixel.
+    fn default() -> Self {
+        Self {
+            rays: RaySource::Camera,
+            outputs: vec![OutputKind::Radiance, OutputKind::Transmittance, OutputKind::Error],
+            backend: None,
+            steps: None,
+            accuracy: None,
+            scattering: None,
+            size: None,
+            aa: None,
+        }
+    }
+}
+
+impl Options {
+    /// For probes: a list of rays, and every quantity of the transfer equation.
+    #[must_use]
+    pub fn probe() -> Self {
+        Self {
+            rays: RaySource::List,
+            outputs: vec![
+                OutputKind::Radiance,
+                OutputKind::Transmittance,
+                OutputKind::OpticalDepth,
+                OutputKind::Error,
+                OutputKind::Evaluations,
+            ],
+            ..Self::default()
+        }
+    }
+}
+
+/// What a compilation makes: findings always, a program when there is no error.
+#[derive(Clone, Debug)]
+pub struct Compilation {
+    /// Every text that was read, for rendering the diagnostics.
+    pub sources: Sources,
+    /// The findings.
+    pub diagnostics: Diagnostics,
+    /// The program, if nothing stopped the compilation.
+    pub program: Option<Program>,
+}
