@@ -1,1 +1,5 @@
-//! placeholder
+//! Draws a compiled Tyndall program: volume readers, engines and picture writers.
+//!
+//! Takes what `compiler` hands over and never generates shader text.
+
+pub mod data;

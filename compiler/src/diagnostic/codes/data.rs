@@ -1,5 +1,170 @@
-//! E06xx: data files and run time.
+//! E06xx: data files and run time. 01 to 19 are volume files, 20 to 29 pictures; engines take 30 and up.
 
 use super::CodeInfo;
 
-pub(super) const CODES: &[CodeInfo] = &[];
+pub(super) const CODES: &[CodeInfo] = &[
+    CodeInfo {
+        code: "E0601",
+        title: "a file is missing or cannot be read",
+        explanation: "\
+The path in the scene is taken relative to the file that names it, not to the folder in which `vol` was started.
+Folders, pipes and devices are not read.
+
+Wrong, for a scene in `scenes/` and a file `scenes/data/head.nii.gz`:
+
+    grid head { file = \"scenes/data/head.nii.gz\" }
+
+Right:
+
+    grid head { file = \"data/head.nii.gz\" }
+",
+    },
+    CodeInfo {
+        code: "E0602",
+        title: "the kind of a volume file is not known",
+        explanation: "\
+Volumes are read from NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`, a pair `.hdr` + `.img`) and from NRRD (`.nrrd`, `.nhdr`).
+The content decides, not the ending. Convert other formats (DICOM, MetaImage, VTK, raw, ANALYZE) with the program that
+made them, with `dcm2niix`, or with ITK; for bare voxels, write a `.nhdr` beside them:
+
+    NRRD0004
+    type: uint16
+    dimension: 3
+    sizes: 512 512 300
+    spacings: 0.5 0.5 1
+    encoding: raw
+    endian: little
+    data file: head.raw
+",
+    },
+    CodeInfo {
+        code: "E0603",
+        title: "the header of a volume file is broken",
+        explanation: "\
+The file says which format it has but does not keep to it: a required field is missing, a number cannot be one, or the
+file ends inside its header. The message names the field. Write the file again with a current version of the program
+that made it.
+",
+    },
+    CodeInfo {
+        code: "E0604",
+        title: "a volume file holds fewer voxels than its header promises",
+        explanation: "\
+The file was cut off (an interrupted copy or download), or its header was written for another file. The message gives
+both numbers. Nothing is drawn from part of a volume, since a picture with a missing part looks like a picture.
+",
+    },
+    CodeInfo {
+        code: "E0605",
+        title: "the sample type of a volume file cannot be a grid",
+        explanation: "\
+A grid is one real number per voxel: 8- to 64-bit integers, 32- or 64-bit floating point. Colours, complex numbers,
+single bits and opaque blocks are not. Split the components into files of their own and read one grid from each:
+
+    grid red { file = \"red.nrrd\" }
+    grid green { file = \"green.nrrd\" }
+",
+    },
+    CodeInfo {
+        code: "E0606",
+        title: "a volume file has more than three axes, or more than one value a voxel",
+        explanation: "\
+A grid has three axes in space and one value a voxel. A further axis is allowed while it has one sample. Take one time
+step or one component out first, for example with `fslroi in.nii.gz out.nii.gz 0 1` or `unu slice -a 3 -p 0`.
+",
+    },
+    CodeInfo {
+        code: "E0607",
+        title: "the orientation of a volume file cannot be used",
+        explanation: "\
+The map from voxels to space must be finite and have an inverse, or the voxels would have no place. It does not if a
+spacing is zero, if a number is NaN or infinite, or if two axes point the same way. Correct the header: in NIfTI the
+sform (`srow_x`, `srow_y`, `srow_z`) counts first, then the qform, then `pixdim`; in NRRD `space directions`, then
+`spacings`.
+",
+    },
+    CodeInfo {
+        code: "E0608",
+        title: "a volume is too large",
+        explanation: "\
+Volumes of up to 16 GiB of voxels are read, if the machine has the memory. If the size in the message is not what you
+expect, the header is broken. Otherwise cut the volume to the part that is seen, or halve its resolution.
+",
+    },
+    CodeInfo {
+        code: "E0609",
+        title: "the encoding of a volume file is not read",
+        explanation: "\
+NRRD files may be `raw`, `gzip`, `text` or `hex`, with their voxels in one file. bzip2 and lists of files are not read.
+Write the file again as one with gzip: `unu save -f nrrd -e gzip -i in.nrrd -o out.nrrd`.
+",
+    },
+    CodeInfo {
+        code: "E0610",
+        title: "the voxels of a file cannot be decoded",
+        explanation: "\
+The compressed stream is damaged (its checksum or its structure is wrong), or text among the voxels is no number that
+fits their type, such as `300` in a grid of 8-bit numbers. Copy the file again.
+",
+    },
+    CodeInfo {
+        code: "E0620",
+        title: "a picture cannot be written",
+        explanation: "\
+The file could not be created or written: the folder does not exist, is not writable, or the disk is full; or the
+picture has no pixels or more than the format can hold.
+",
+    },
+    CodeInfo {
+        code: "E0621",
+        title: "the ending of a picture file is not known",
+        explanation: "\
+The ending says what is written:
+
+- `.png`: the displayed picture, 8 or 16 bits, with the scene inside
+- `.exr`: linear radiance, one 32-bit channel per band, and transmittance
+- `.npy`: linear radiance as an array of height × width × bands
+",
+    },
+    CodeInfo {
+        code: "E0622",
+        title: "a picture cannot be read, or holds no scene",
+        explanation: "\
+Pictures that `vol render` writes as `.png` carry their scene in a text chunk named `tyndall:scene`. This file is no
+PNG, is damaged, or was stripped of its metadata by another program.
+",
+    },
+    CodeInfo {
+        code: "W0601",
+        title: "voxels that are not finite were replaced",
+        explanation: "\
+NaN and infinite voxels, and those that overflow when the header's slope scales them, have no meaning in the transfer
+equation. They are stored as 0, so that their value is the header's intercept (0 without one). The message counts them
+and gives the first position (i, j, k). Many scanners' tools write NaN outside a mask; then nothing is wrong.
+",
+    },
+    CodeInfo {
+        code: "W0602",
+        title: "denormal voxels were replaced by 0",
+        explanation: "\
+Floating-point voxels smaller than the smallest normal number of their type (1.2e-38 for 32 bits) are stored as 0: GPUs
+may treat them as 0 or not, and the picture must not depend on the machine.
+",
+    },
+    CodeInfo {
+        code: "W0603",
+        title: "voxels are negative",
+        explanation: "\
+Negative values are kept: they are legitimate, for example in CT, where air is −1000 HU. A coefficient must not be
+negative, however: put a transfer function or `max(0, …)` between the grid and `k_a`, `k_s` or `density`.
+",
+    },
+    CodeInfo {
+        code: "W0604",
+        title: "a unit of length in a volume file is not known",
+        explanation: "\
+NRRD headers name units as free text. km, m, cm, mm, um and nm are known, in their usual spellings; anything else is
+taken for millimetres, and so is a missing unit, silently.
+",
+    },
+];
