@@ -11,3 +11,5 @@ pub mod program;
 pub mod source;
 pub mod syntax;
 pub use options::{Compilation, Options};
+pub mod analysis;
+pub mod passes;

@@ -85,6 +85,12 @@ pub struct Graph {
 }
 
 impl Graph {
+    /// An empty graph with the same tables, grids and parameters.
+    #[must_use]
+    pub fn declarations(&self) -> Self {
+        Self { tables: self.tables.clone(), grids: self.grids.clone(), params: self.params.clone(), ..Self::default() }
+    }
+
     /// Number of nodes.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -35,7 +35,7 @@ pub use scene::{
     Aa, Affine, Backend, Bands, BandsKind, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType,
     Primitive, PrimitiveKind, Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
 };
-pub use schedule::{Step, schedule};
+pub use schedule::{Step, free_variables, schedule, schedule_with};
 pub use verify::verify;
 
 /// Identifies a declared grid.

@@ -11,9 +11,9 @@ pub enum Step {
     Loop(NodeId, Vec<Step>),
 }
 
-/// Orders the nodes that the roots need, without entries of tables.
+/// The loop variables, as a set of depths, that each node depends on without binding them.
 #[must_use]
-pub fn schedule(graph: &Graph, roots: &[NodeId]) -> Vec<Step> {
+pub fn free_variables(graph: &Graph) -> Vec<u16> {
     let mut free = vec![0u16; graph.len()];
     for id in graph.ids() {
         let op = graph.op(id);
@@ -26,7 +26,21 @@ pub fn schedule(graph: &Graph, roots: &[NodeId]) -> Vec<Step> {
         }
         free[id.0 as usize] = mask;
     }
-    let mut scope = Scope { graph, free: &free, done: vec![false; graph.len()], steps: vec![] };
+    free
+}
+
+/// Orders the nodes that the roots need, without entries of tables.
+#[must_use]
+pub fn schedule(graph: &Graph, roots: &[NodeId]) -> Vec<Step> {
+    schedule_with(graph, roots, |_| false)
+}
+
+/// As [`schedule`], but for nodes that are available already (those must not depend on an unbound loop variable).
+#[must_use]
+pub fn schedule_with(graph: &Graph, roots: &[NodeId], available: impl Fn(NodeId) -> bool) -> Vec<Step> {
+    let free = free_variables(graph);
+    let done = graph.ids().map(available).collect();
+    let mut scope = Scope { graph, free: &free, done, steps: vec![] };
     scope.run(roots);
     scope.steps
 }

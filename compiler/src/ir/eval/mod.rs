@@ -45,7 +45,7 @@ impl Tables {
     pub fn evaluate(graph: &Graph, params: &[Vec<f64>], time: f64) -> Self {
         let mut tables = Self::default();
         for table in &graph.tables {
-            let mut flat = |nodes: &[NodeId]| -> Vec<f64> {
+            let flat = |nodes: &[NodeId]| -> Vec<f64> {
                 evaluate_with(graph, nodes, params, time, &tables).into_iter().flatten().collect()
             };
             let (keys, values) = (flat(&table.keys), flat(&table.values));
