@@ -6,6 +6,7 @@ pub mod check;
 pub mod diagnostic;
 pub mod ir;
 pub mod loader;
+pub mod lower;
 mod options;
 pub mod program;
 pub mod source;

@@ -2,4 +2,119 @@
 
 use super::CodeInfo;
 
-pub(super) const CODES: &[CodeInfo] = &[];
+pub(super) const CODES: &[CodeInfo] = &[
+    CodeInfo {
+        code: "E0500",
+        title: "the compiler contradicts itself",
+        explanation: "A later stage found something that an earlier one had ruled out. This is a fault of the compiler, \
+not of the scene.\n\nPlease report it together with the scene; rewriting the expression that is underlined usually \
+avoids it.",
+    },
+    CodeInfo {
+        code: "E0501",
+        title: "the bounds of a loop must be constant",
+        explanation: "`sum(i in 0..n)` and its kin become loops of the generated program, and how often they run decides \
+how it is built. So the bounds must be known when compiling, once all functions are written out.\n\n\
+```\nparam octaves = 5 in 1 .. 8\nmedium m { density = fbm(p / 1 m, octaves: octaves) }   // wrong: a param may change\n```\n\
+```\nmedium m { density = fbm(p / 1 m, octaves: 5) }         // right\n```\n\
+A `param` may weigh the terms of a loop; give terms you do not want the weight 0.",
+    },
+    CodeInfo {
+        code: "E0502",
+        title: "the bounds of a loop must be whole numbers",
+        explanation: "A loop variable counts in steps of 1 from the first bound up to, but without, the second.\n\n\
+```\nsum(i in 0..2.5) i          // wrong\nsum(i in 0..ceil(2.5)) i    // right: 0 + 1 + 2\n```",
+    },
+    CodeInfo {
+        code: "E0503",
+        title: "a loop runs too often",
+        explanation: "A loop runs at every sample of every ray, so there are limits: 4096 iterations of one loop, about a \
+million of nested loops taken together, and about sixteen million of all loops of a scene. Data of that size \
+belongs into a `grid` or a `table`, which is read at one place only.",
+    },
+    CodeInfo {
+        code: "E0504",
+        title: "too many loops within each other",
+        explanation: "Loops may be nested twelve deep, counting those of the functions that are called.",
+    },
+    CodeInfo {
+        code: "E0505",
+        title: "the scene is too large",
+        explanation: "Functions are written out where they are called. A function that calls another twice, which calls \
+another twice, and so on, doubles the scene at every level; exact derivatives make it larger too. The limit is about a \
+million different operations, and 256 expressions within each other.\n\n\
+Name a value with `let` instead of computing it twice in different ways, and repeat with `sum(i in 0..n)`.",
+    },
+    CodeInfo {
+        code: "E0506",
+        title: "this has no derivative",
+        explanation: "`gradient(f, x)` is the exact derivative of `f` with respect to `x`. It exists for every operation of \
+the language, with three exceptions: the derivative of a grid cannot be differentiated again (the slope of the \
+interpolant has corners), a `product`, `min` or `max` may have at most 64 values, and the altitude `h` can only be \
+differentiated with respect to `p`.",
+    },
+    CodeInfo {
+        code: "E0507",
+        title: "this shape has no bounds",
+        explanation: "`center`, `size`, `min_corner` and `max_corner` need a bounding box. A `slab` and `everywhere` are \
+infinite, and the extent of an `sdf` is not known.\n\n\
+```\ncamera { to = center(intersection(sdf(d), box(min: (-1,-1,-1) m, max: (1,1,1) m))) }\n```",
+    },
+    CodeInfo {
+        code: "E0508",
+        title: "this must not be 0",
+        explanation: "A scale by 0 flattens a medium and cannot be undone, an axis of length 0 points nowhere, a picture of \
+height 0 shows nothing. The value is judged at the defaults of the params.",
+    },
+    CodeInfo {
+        code: "E0509",
+        title: "this cannot differ from place to place",
+        explanation: "Shapes, transforms, entries of tables, the camera, the exposure and the background are the same for \
+the whole picture: they may use constants, params and `time`, but not `p`, `dir` or grids. An environment may use `dir`.\n\n\
+A shape that is given by a field is an `sdf(field)`.",
+    },
+    CodeInfo {
+        code: "E0510",
+        title: "there is no data to project",
+        explanation: "`render { composite = maximum }`, `minimum`, `average` and `isosurface(value)` show the data itself: the \
+one number that a medium's transfer function is asked with.\n\n\
+```\nmedium scan { shape = bounds(head)  transfer = tissue(head(p)) }\nrender { composite = maximum }\n```",
+    },
+    CodeInfo {
+        code: "E0511",
+        title: "`h` needs a shell",
+        explanation: "`h` is the altitude over the inner radius of the medium's `shell`, computed without cancellation at any \
+radius. It has no meaning without a shell, or in one that `scale` stretches differently in different directions.",
+    },
+    CodeInfo {
+        code: "E0512",
+        title: "the camera sees nothing",
+        explanation: "A camera needs a place, a different place to look at, an `up` that is not along the view, and a field of \
+view between 0 and 180 degrees. `projection = panorama` looks all around.",
+    },
+    CodeInfo {
+        code: "E0513",
+        title: "this choice must be known when compiling",
+        explanation: "`if` between numbers is made for every sample. Between shapes, transforms or grids it decides how the \
+program is built, so its condition must be constant. Choose between numbers instead:\n\n\
+```\nshape = sphere(center: (0,0,0) m, radius: if big then 2 m else 1 m)\n```",
+    },
+    CodeInfo {
+        code: "E0514",
+        title: "the extremum of no values",
+        explanation: "An empty `sum` is 0 and an empty `product` 1, but `min` and `max` over an empty range have no value. \
+The end of a range is excluded: `0..0` is empty.",
+    },
+    CodeInfo {
+        code: "E0515",
+        title: "a grid has no volume",
+        explanation: "The header of the file gives axes for its voxels that lie in one plane, so that no position can be turned \
+into voxel indices. Correct the orientation in the file.",
+    },
+    CodeInfo {
+        code: "E0516",
+        title: "a coefficient is negative or not finite",
+        explanation: "Absorption, scattering and emission are 0 or larger, and finite. Where a field becomes negative only at \
+some places, write `max(0 /m, …)`.",
+    },
+];
