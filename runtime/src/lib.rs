@@ -3,3 +3,4 @@
 //! Takes what `compiler` hands over and never generates shader text.
 
 pub mod data;
+pub mod image;
