@@ -13,4 +13,6 @@ pub mod source;
 pub mod syntax;
 pub use options::{Compilation, Options};
 pub mod analysis;
+pub mod backends;
+pub mod fields;
 pub mod passes;

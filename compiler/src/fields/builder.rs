@@ -1,0 +1,375 @@
+//! Builds kernels: resources and uniforms on demand, functions statement by statement.
+
+use super::helpers::Helper;
+use crate::ir::{Graph, GridId, NodeId, TableId, Type};
+use crate::program::kernel::{
+    Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stmt, Struct, Ty,
+};
+use crate::program::{Binding, FrameValue, UniformField, UniformLayout, UniformSource, texture_prim};
+use crate::source::Span;
+use rustc_hash::FxHashMap;
+
+/// Collects what a kernel needs while its code is written: nothing is declared that nothing uses.
+#[derive(Debug, Default)]
+pub struct KernelBuilder {
+    structs: Vec<Struct>,
+    functions: Vec<Function>,
+    resources: Vec<(Resource, Binding)>,
+    uniforms: Vec<(String, u8, bool, UniformSource)>,
+    helpers: FxHashMap<Helper, FunctionId>,
+}
+
+impl KernelBuilder {
+    /// The value of a uniform, declared at first use.
+    pub fn uniform(&mut self, name: &str, width: u8, integer: bool, source: UniformSource) -> Expr {
+        let index = self.uniforms.iter().position(|u| u.3 == source).unwrap_or_else(|| {
+            self.uniforms.push((name.to_owned(), width, integer, source));
+            self.uniforms.len() - 1
+        });
+        Expr::Uniform(index as u32)
+    }
+
+    /// A value that the runtime knows about the drawing.
+    pub fn frame(&mut self, value: FrameValue) -> Expr {
+        let (name, width, integer) = match value {
+            FrameValue::TileOrigin => ("tile_origin", 2, true),
+            FrameValue::TileSize => ("tile_size", 2, true),
+            FrameValue::ImageSize => ("image_size", 2, true),
+            FrameValue::RayCount => ("ray_count", 1, true),
+            FrameValue::CameraAnchor => ("camera_anchor", 3, false),
+            FrameValue::CameraForward => ("camera_forward", 3, false),
+            FrameValue::CameraRight => ("camera_right", 3, false),
+            FrameValue::CameraUp => ("camera_up", 3, false),
+            FrameValue::CameraPlane => ("camera_plane", 1, false),
+            FrameValue::Accuracy => ("accuracy", 1, false),
+            FrameValue::White => ("white", 1, false),
+            FrameValue::Steps => ("steps", 1, true),
+            FrameValue::MaxWork => ("max_work", 1, true),
+            FrameValue::PixelScale => ("pixel_scale", 1, false),
+        };
+        self.uniform(name, width, integer, UniformSource::Frame(value))
+    }
+
+    /// A node of tier Frame or lower: a literal where that is possible, else a uniform.
+    pub fn value(&mut self, graph: &Graph, node: NodeId, fallback_name: &str) -> Expr {
+        if let Some(literal) = literal(graph, node) {
+            return literal;
+        }
+        let name = graph.origin(node).name.clone().unwrap_or_else(|| fallback_name.to_owned());
+        let width = graph.width(node);
+        let truth = graph.ty(node) == Type::Bool;
+        let value = self.uniform(&name, width, truth, UniformSource::Node(node));
+        if truth { Expr::binary(crate::program::kernel::BinaryOp::NotEqual, value, 0u32) } else { value }
+    }
+
+    fn resource(&mut self, name: &str, kind: ResourceKind, binding: Binding) -> u32 {
+        let index = self.resources.iter().position(|r| r.1 == binding).unwrap_or_else(|| {
+            self.resources.push((Resource { name: name.to_owned(), kind }, binding));
+            self.resources.len() - 1
+        });
+        // Number 0 is kept for the uniform block, which is declared last because it is known last.
+        index as u32 + 1
+    }
+
+    /// The texture of a grid.
+    pub fn grid(&mut self, graph: &Graph, grid: GridId) -> u32 {
+        let info = graph.grid(grid);
+        let prim = texture_prim(info.header.scalar).0;
+        self.resource(&format!("{}_voxels", info.name), ResourceKind::Texture3d(prim), Binding::Grid(grid))
+    }
+
+    /// The buffer of a table.
+    pub fn table(&mut self, graph: &Graph, table: TableId) -> u32 {
+        let name = format!("{}_rows", graph.table(table).name);
+        self.resource(&name, ResourceKind::ReadBuffer(Ty::F32), Binding::Table(table))
+    }
+
+    /// The list of rays.
+    pub fn rays(&mut self) -> u32 {
+        self.resource("rays", ResourceKind::ReadBuffer(Ty::F32), Binding::Rays)
+    }
+
+    /// The records that come out.
+    pub fn records(&mut self) -> u32 {
+        self.resource("records", ResourceKind::WriteBuffer(Ty::F32), Binding::Records)
+    }
+
+    /// Declares a struct.
+    pub fn add_struct(&mut self, name: &str, fields: Vec<(String, Ty)>) -> Ty {
+        self.structs.push(Struct { name: name.to_owned(), fields });
+        Ty::Struct(self.structs.len() as u32 - 1)
+    }
+
+    /// Adds a finished function.
+    pub fn add_function(&mut self, function: Function) -> FunctionId {
+        self.functions.push(function);
+        FunctionId(self.functions.len() as u32 - 1)
+    }
+
+    /// What a finished function returns.
+    ///
+    /// # Panics
+    /// If it returns nothing.
+    #[must_use]
+    pub fn result_of(&self, function: FunctionId) -> Ty {
+        self.functions[function.0 as usize].result.expect("the function has a result")
+    }
+
+    /// A function of the fixed set, written at first use.
+    pub fn helper(&mut self, graph: &Graph, helper: Helper) -> FunctionId {
+        if let Some(id) = self.helpers.get(&helper) {
+            return *id;
+        }
+        let function = helper.write(graph, self);
+        let id = self.add_function(function);
+        self.helpers.insert(helper, id);
+        id
+    }
+
+    /// Calls a helper.
+    pub fn call<const N: usize>(&mut self, graph: &Graph, helper: Helper, arguments: [Expr; N]) -> Expr {
+        Expr::Call(self.helper(graph, helper), arguments.into())
+    }
+
+    /// The kernel, what to bind to it, and the contents of its uniform block.
+    #[must_use]
+    pub fn finish(mut self, name: &str, workgroup: [u32; 3], entry: Function) -> (Kernel, Vec<Binding>, UniformLayout) {
+        let shape: Vec<(u8, bool)> = self.uniforms.iter().map(|u| (u.1, u.2)).collect();
+        let (offsets, size) = uniform_offsets(&shape);
+        let fields = self.uniforms.iter().zip(offsets).map(|((name, width, integer, source), offset)| UniformField {
+            name: name.clone(),
+            offset,
+            width: *width,
+            integer: *integer,
+            source: *source,
+        });
+        let layout = UniformLayout { fields: fields.collect(), size };
+        let prim =
+            |integer: bool| if integer { crate::program::kernel::Prim::U32 } else { crate::program::kernel::Prim::F32 };
+        let frame = self.uniforms.iter().map(|u| (u.0.clone(), Ty::Value(prim(u.2), u.1))).collect();
+        let Ty::Struct(block) = self.add_struct("Frame", frame) else { unreachable!("a struct was just added") };
+        let mut resources = vec![Resource { name: "frame".into(), kind: ResourceKind::Uniform(block) }];
+        let mut bindings = vec![Binding::Uniforms];
+        for (resource, binding) in self.resources {
+            resources.push(resource);
+            bindings.push(binding);
+        }
+        let kernel = Kernel {
+            name: name.to_owned(),
+            workgroup,
+            structs: self.structs,
+            resources,
+            functions: self.functions,
+            entry,
+        };
+        (kernel, bindings, layout)
+    }
+}
+
+/// WGSL's layout of a uniform struct of scalars and vectors: offsets and size in bytes.
+fn uniform_offsets(fields: &[(u8, bool)]) -> (Vec<u32>, u32) {
+    let mut end = 0u32;
+    let offsets = fields.iter().map(|(width, _)| {
+        let align = match width {
+            1 => 4,
+            2 => 8,
+            _ => 16,
+        };
+        let offset = end.next_multiple_of(align);
+        end = offset + 4 * u32::from(*width);
+        offset
+    });
+    let offsets = offsets.collect();
+    (offsets, end.next_multiple_of(16).max(16))
+}
+
+/// A constant that f32 can hold, as a literal.
+fn literal(graph: &Graph, node: NodeId) -> Option<Expr> {
+    use crate::ir::Op;
+    match *graph.op(node) {
+        Op::Truth(t) => Some(Expr::Bool(t)),
+        Op::Const(c) => {
+            let values = c.values();
+            // What overflows f32 comes through a uniform, where it may be infinite; what underflows is 0 anyway.
+            if !values.iter().all(|v| (*v as f32).is_finite()) {
+                return None;
+            }
+            if values.iter().all(|v| *v == values[0]) {
+                return Some(Expr::F32(values[0]).splat(c.width()));
+            }
+            Some(Expr::Compose(Ty::float(c.width()), values.into_iter().map(Expr::F32).collect()))
+        }
+        Op::Splat(a, width) => Some(literal(graph, a)?.splat(width)),
+        _ => None,
+    }
+}
+
+/// A function being written.
+#[derive(Debug, Default)]
+pub struct Code {
+    function: Function,
+    blocks: Vec<Vec<Stmt>>,
+    later: Vec<(LocalId, Expr)>,
+}
+
+impl Code {
+    /// An empty function.
+    #[must_use]
+    pub fn new(name: &str, origin: Option<Span>) -> Self {
+        let function = Function { name: name.to_owned(), origin, ..Function::default() };
+        Self { function, blocks: vec![vec![]], later: vec![] }
+    }
+
+    /// Adds a parameter and gives its value.
+    pub fn parameter(&mut self, name: &str, ty: Ty) -> Expr {
+        self.function.parameters.push((name.to_owned(), ty));
+        Expr::Argument(self.function.parameters.len() as u32 - 1)
+    }
+
+    fn local(&mut self, name: &str, ty: Ty, origin: Option<Span>) -> LocalId {
+        self.function.locals.push(Local { name: name.to_owned(), ty, origin });
+        LocalId(self.function.locals.len() as u32 - 1)
+    }
+
+    fn push(&mut self, statement: Stmt) {
+        self.blocks.last_mut().expect("a function has a body").push(statement);
+    }
+
+    /// `let name = value`
+    pub fn bind(&mut self, name: &str, ty: Ty, value: impl Into<Expr>) -> Expr {
+        self.bind_from(name, ty, value, None)
+    }
+
+    /// `let name = value`, standing for a place in the scene.
+    pub fn bind_from(&mut self, name: &str, ty: Ty, value: impl Into<Expr>, origin: Option<Span>) -> Expr {
+        let id = self.local(name, ty, origin);
+        self.push(Stmt::Let(id, value.into()));
+        Expr::Local(id)
+    }
+
+    /// `var name = value`
+    pub fn var(&mut self, name: &str, ty: Ty, value: impl Into<Expr>) -> LocalId {
+        let id = self.local(name, ty, None);
+        self.push(Stmt::Var(id, value.into()));
+        id
+    }
+
+    /// `name = value`
+    pub fn set(&mut self, local: LocalId, value: impl Into<Expr>) {
+        self.push(Stmt::Assign(local, value.into()));
+    }
+
+    /// `name = name + value`
+    pub fn add(&mut self, local: LocalId, value: impl Into<Expr>) {
+        self.set(local, Expr::Local(local) + value.into());
+    }
+
+    /// `if condition { then }`
+    pub fn if_(&mut self, condition: impl Into<Expr>, then: impl FnOnce(&mut Self)) {
+        self.if_else(condition, then, |_| {});
+    }
+
+    /// `if condition { then } else { otherwise }`
+    pub fn if_else(
+        &mut self,
+        condition: impl Into<Expr>,
+        then: impl FnOnce(&mut Self),
+        otherwise: impl FnOnce(&mut Self),
+    ) {
+        let then = self.block(then);
+        let otherwise = self.block(otherwise);
+        self.push(Stmt::If(condition.into(), then, otherwise));
+    }
+
+    /// `loop { body }`
+    pub fn loop_(&mut self, body: impl FnOnce(&mut Self)) {
+        let body = self.block(body);
+        self.push(Stmt::Loop(body));
+    }
+
+    /// `break`
+    pub fn break_(&mut self) {
+        self.push(Stmt::Break);
+    }
+
+    /// `if condition { break; }`
+    pub fn break_if(&mut self, condition: impl Into<Expr>) {
+        self.if_(condition, Self::break_);
+    }
+
+    /// `continue`
+    pub fn continue_(&mut self) {
+        self.push(Stmt::Continue);
+    }
+
+    /// `return value`
+    pub fn return_(&mut self, value: Expr) {
+        self.push(Stmt::Return(Some(value)));
+    }
+
+    /// `return`
+    pub fn return_nothing(&mut self) {
+        self.push(Stmt::Return(None));
+    }
+
+    /// `buffer[index] = value`
+    pub fn store(&mut self, buffer: u32, index: Expr, value: Expr) {
+        self.push(Stmt::Store { buffer, index, value });
+    }
+
+    fn block(&mut self, write: impl FnOnce(&mut Self)) -> Vec<Stmt> {
+        self.blocks.push(vec![]);
+        write(self);
+        self.blocks.pop().expect("the block that was just pushed")
+    }
+
+    /// Opens a block that [`Code::close`] returns, where closures would not do.
+    pub fn open(&mut self) {
+        self.blocks.push(vec![]);
+    }
+
+    /// Closes the block opened last.
+    #[must_use]
+    pub fn close(&mut self) -> Vec<Stmt> {
+        self.blocks.pop().expect("open and close are paired")
+    }
+
+    /// Adds a loop over a closed block.
+    pub fn push_loop(&mut self, body: Vec<Stmt>) {
+        self.push(Stmt::Loop(body));
+    }
+
+    /// Adds a branch over a closed block.
+    pub fn push_if(&mut self, condition: Expr, then: Vec<Stmt>) {
+        self.push(Stmt::If(condition, then, vec![]));
+    }
+
+    /// Adds a branch over two closed blocks.
+    pub fn push_if_else(&mut self, condition: Expr, then: Vec<Stmt>, otherwise: Vec<Stmt>) {
+        self.push(Stmt::If(condition, then, otherwise));
+    }
+
+    /// Adds the statements of a closed block.
+    pub fn push_all(&mut self, block: Vec<Stmt>) {
+        block.into_iter().for_each(|s| self.push(s));
+    }
+
+    /// Keeps an addition for when it is known whether it happens; [`Code::take_later`] gives them back.
+    pub fn set_later(&mut self, local: LocalId, amount: Expr) {
+        self.later.push((local, amount));
+    }
+
+    /// What [`Code::set_later`] kept.
+    #[must_use]
+    pub fn take_later(&mut self) -> Vec<(LocalId, Expr)> {
+        std::mem::take(&mut self.later)
+    }
+
+    /// The finished function.
+    #[must_use]
+    pub fn finish(mut self, result: Option<Ty>) -> Function {
+        self.function.result = result;
+        self.function.body = self.blocks.pop().expect("a function has a body");
+        self.function
+    }
+}
