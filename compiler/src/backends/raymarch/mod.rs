@@ -1,5 +1,6 @@
 //! Raymarching: one ray per sample, front to back.
 
+mod edges;
 mod matter;
 mod rays;
 mod shapes;
@@ -53,7 +54,9 @@ pub(super) fn build(
     }
     wanted.sort_unstable();
     wanted.dedup();
-    let samples = samples(options.aa.unwrap_or(scene.image.aa), options.rays, ledger);
+    let aa = options.aa.unwrap_or(scene.image.aa);
+    let samples = samples(aa, options.rays, ledger);
+    let edged = edged(aa, options.rays, &seen.primitives, ledger);
     let mut builder = KernelBuilder::default();
     let tracer = trace::Tracer {
         graph: &scene.graph,
@@ -66,13 +69,22 @@ pub(super) fn build(
         shells: scene.shells.clone(),
     };
     let traced = tracer.write(ledger);
+    let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
     let mut outputs = vec![];
     let mut stride = 0;
     for (kind, width) in &traced.fields {
         outputs.push(Output { kind: *kind, offset: stride, width: *width });
         stride += u32::from(*width);
     }
+    if edge_wanted {
+        outputs.push(Output { kind: OutputKind::Edge, offset: stride, width: 1 });
+        stride += 1;
+    }
     let (entry, workgroup, extent) = match options.rays {
+        RaySource::Camera if edged => {
+            let entry = edged_entry(scene, &mut builder, &seen.primitives, &traced, stride, edge_wanted);
+            (entry, [8, 8, 1], Extent::Tile)
+        }
         RaySource::Camera => (camera_entry(scene, &mut builder, &traced, stride, samples), [8, 8, 1], Extent::Tile),
         RaySource::List => (list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
     };
@@ -156,11 +168,29 @@ fn samples(aa: Aa, rays: RaySource, ledger: &mut Ledger) -> u32 {
     }
 }
 
+/// Whether silhouettes are found and their pixels divided.
+fn edged(aa: Aa, rays: RaySource, primitives: &[crate::ir::Primitive], ledger: &mut Ledger) -> bool {
+    let analytic = match aa {
+        // Until they have code of their own, the other kinds are drawn with this one, and a warning says so.
+        Aa::Analytic | Aa::Msaa(_) | Aa::Fxaa | Aa::Smaa | Aa::Taa => rays == RaySource::Camera,
+        Aa::None | Aa::Ssaa(_) => false,
+    };
+    if !analytic {
+        ledger.omit("division of pixels at edges", "analytic anti-aliasing is not asked for", None);
+        return false;
+    }
+    if !primitives.iter().any(edges::has_edge) {
+        ledger.omit("division of pixels at edges", "no shape has a silhouette in closed form", None);
+        return false;
+    }
+    true
+}
+
 /// Stores a traced ray in its record.
 fn store(
     builder: &mut KernelBuilder,
     code: &mut Code,
-    traced: &trace::Traced,
+    widths: &[u8],
     values: &[Expr],
     record: &Expr,
     stride: u32,
@@ -168,7 +198,7 @@ fn store(
     let records = builder.records();
     let base = code.bind("base", Ty::U32, record.clone() * stride);
     let mut offset = 0u32;
-    for ((_, width), value) in traced.fields.iter().zip(values) {
+    for (width, value) in widths.iter().zip(values) {
         for i in 0..*width {
             let part = if *width == 1 { value.clone() } else { value.clone().component(i) };
             code.store(records, base.clone() + offset, part);
@@ -177,18 +207,15 @@ fn store(
     }
 }
 
-fn result_type(builder: &KernelBuilder, traced: &trace::Traced) -> Ty {
-    builder.result_of(traced.function)
+/// The pixel that an invocation draws.
+struct Pixel {
+    /// Of its upper left corner, in pixels of the picture.
+    x: Expr,
+    y: Expr,
+    record: Expr,
 }
 
-fn camera_entry(
-    scene: &FieldScene,
-    builder: &mut KernelBuilder,
-    traced: &trace::Traced,
-    stride: u32,
-    samples: u32,
-) -> crate::program::kernel::Function {
-    let mut code = Code::new("draw", None);
+fn pixel(builder: &mut KernelBuilder, code: &mut Code) -> Pixel {
     let tile = builder.frame(FrameValue::TileSize);
     let column = code.bind("column", Ty::U32, Expr::GlobalId.component(0));
     let row = code.bind("row", Ty::U32, Expr::GlobalId.component(1));
@@ -200,51 +227,126 @@ fn camera_entry(
     let x = code.bind("x", Ty::F32, (origin.clone().component(0) + column.clone()).convert(prim));
     let y = code.bind("y", Ty::F32, (origin.component(1) + row.clone()).convert(prim));
     let record = code.bind("record", Ty::U32, row * tile.component(0) + column);
+    Pixel { x, y, record }
+}
+
+/// Sums over the rays of a pixel; of what went wrong, the first.
+struct Sums(Vec<LocalId>);
+
+impl Sums {
+    fn new(code: &mut Code, traced: &trace::Traced) -> Self {
+        let var = |(kind, width): &(OutputKind, u8)| {
+            code.var(output_name(*kind), Ty::float(*width), Expr::F32(0.0).splat(*width))
+        };
+        Self(traced.fields.iter().map(var).collect())
+    }
+
+    /// Adds a ray with a weight. Evaluations are counted, not weighed.
+    fn add(&self, code: &mut Code, traced: &trace::Traced, ray: &Expr, weight: &Expr) {
+        for (i, ((kind, width), sum)) in traced.fields.iter().zip(&self.0).enumerate() {
+            let value = ray.clone().field(i as u32);
+            match kind {
+                OutputKind::Fault => {
+                    let code_so_far = Expr::Local(*sum).component(0).bitcast(crate::program::kernel::Prim::U32);
+                    let none = Expr::binary(BinaryOp::Equal, code_so_far, 0u32);
+                    code.set(*sum, none.select(value, *sum));
+                }
+                OutputKind::Evaluations => code.add(*sum, value),
+                OutputKind::Radiance
+                | OutputKind::Transmittance
+                | OutputKind::OpticalDepth
+                | OutputKind::Error
+                | OutputKind::Edge => code.add(*sum, value * weight.clone().splat(*width)),
+            }
+        }
+    }
+
+    fn values(&self) -> Vec<Expr> {
+        self.0.iter().map(|s| Expr::Local(*s)).collect()
+    }
+}
+
+/// One ray per pixel, two where an edge divides it.
+fn edged_entry(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    primitives: &[crate::ir::Primitive],
+    traced: &trace::Traced,
+    stride: u32,
+    edge_wanted: bool,
+) -> crate::program::kernel::Function {
+    let mut code = Code::new("draw", None);
+    let Pixel { x, y, record } = pixel(builder, &mut code);
     let projection = scene.camera.projection;
-    let result = result_type(builder, traced);
+    let centre = (x + 0.5, y + 0.5);
+    let centre = (code.bind("center_x", Ty::F32, centre.0), code.bind("center_y", Ty::F32, centre.1));
+    let division = edges::divide(&scene.graph, builder, &mut code, projection, primitives, centre.clone());
+    let Some(edges::Division { covered, inner, outer, divided }) = division else {
+        return code.finish(None);
+    };
+    let sums = Sums::new(&mut code, traced);
+    let weight = code.var("weight", Ty::F32, covered.clone());
+    let at_x = code.var("at_x", Ty::F32, centre.0.clone() + inner.0);
+    let at_y = code.var("at_y", Ty::F32, centre.1.clone() + inner.1);
+    let side = code.var("side_of_edge", Ty::U32, 0u32);
+    code.open();
+    let start = rays::camera(builder, &mut code, projection, at_x.into(), at_y.into());
+    let result = builder.result_of(traced.function);
+    let ray = code.bind("traced", result, rays::call(traced.function, &start));
+    sums.add(&mut code, traced, &ray, &weight.into());
+    code.add(side, 1u32);
+    let done = Expr::Local(side).greater_equal(2u32).or(!divided.clone());
+    code.break_if(done);
+    code.set(weight, Expr::F32(1.0) - covered);
+    code.set(at_x, centre.0 + outer.0);
+    code.set(at_y, centre.1 + outer.1);
+    let block = code.close();
+    code.push_loop(block);
+    let mut values = sums.values();
+    let mut widths: Vec<u8> = traced.fields.iter().map(|f| f.1).collect();
+    if edge_wanted {
+        values.push(divided.select(1.0, 0.0));
+        widths.push(1);
+    }
+    store(builder, &mut code, &widths, &values, &record, stride);
+    code.finish(None)
+}
+
+fn camera_entry(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    traced: &trace::Traced,
+    stride: u32,
+    samples: u32,
+) -> crate::program::kernel::Function {
+    let mut code = Code::new("draw", None);
+    let Pixel { x, y, record } = pixel(builder, &mut code);
+    let projection = scene.camera.projection;
+    let result = builder.result_of(traced.function);
     if samples == 1 {
         let start = rays::camera(builder, &mut code, projection, x + 0.5, y + 0.5);
         let traced_ray = code.bind("traced", result, rays::call(traced.function, &start));
         let values: Vec<Expr> = (0..traced.fields.len() as u32).map(|i| traced_ray.clone().field(i)).collect();
-        store(builder, &mut code, traced, &values, &record, stride);
+        store(builder, &mut code, &widths(traced), &values, &record, stride);
         return code.finish(None);
     }
-    // Means over the samples; of what went wrong, the first.
-    let sums: Vec<LocalId> = traced
-        .fields
-        .iter()
-        .map(|(kind, width)| code.var(output_name(*kind), Ty::float(*width), Expr::F32(0.0).splat(*width)))
-        .collect();
+    let sums = Sums::new(&mut code, traced);
     let index = code.var("sample", Ty::F32, 0.0);
     code.open();
     code.break_if(Expr::Local(index).greater_equal(f64::from(samples)));
     let (dx, dy) = rays::sample_offset(&mut code, index.into(), samples);
     let start = rays::camera(builder, &mut code, projection, x + dx, y + dy);
-    let traced_ray = code.bind("traced", result, rays::call(traced.function, &start));
-    for (i, ((kind, _), sum)) in traced.fields.iter().zip(&sums).enumerate() {
-        let value = traced_ray.clone().field(i as u32);
-        if *kind == OutputKind::Fault {
-            let none = Expr::Local(*sum).component(0).bitcast(crate::program::kernel::Prim::U32);
-            let none = Expr::binary(BinaryOp::Equal, none, 0u32);
-            code.set(*sum, none.select(value, *sum));
-        } else {
-            code.add(*sum, value);
-        }
-    }
+    let ray = code.bind("traced", result, rays::call(traced.function, &start));
+    sums.add(&mut code, traced, &ray, &Expr::F32(1.0 / f64::from(samples)));
     code.add(index, 1.0);
     let block = code.close();
     code.push_loop(block);
-    let values: Vec<Expr> = traced
-        .fields
-        .iter()
-        .zip(&sums)
-        .map(|((kind, width), sum)| match kind {
-            OutputKind::Fault | OutputKind::Evaluations => Expr::Local(*sum),
-            _ => Expr::Local(*sum) * Expr::F32(1.0 / f64::from(samples)).splat(*width),
-        })
-        .collect();
-    store(builder, &mut code, traced, &values, &record, stride);
+    store(builder, &mut code, &widths(traced), &sums.values(), &record, stride);
     code.finish(None)
+}
+
+fn widths(traced: &trace::Traced) -> Vec<u8> {
+    traced.fields.iter().map(|f| f.1).collect()
 }
 
 fn list_entry(builder: &mut KernelBuilder, traced: &trace::Traced, stride: u32) -> crate::program::kernel::Function {
@@ -253,9 +355,9 @@ fn list_entry(builder: &mut KernelBuilder, traced: &trace::Traced, stride: u32) 
     let count = builder.frame(FrameValue::RayCount);
     code.if_(index.clone().greater_equal(count), Code::return_nothing);
     let start = rays::list(builder, &mut code, &index);
-    let result = result_type(builder, traced);
+    let result = builder.result_of(traced.function);
     let traced_ray = code.bind("traced", result, rays::call(traced.function, &start));
     let values: Vec<Expr> = (0..traced.fields.len() as u32).map(|i| traced_ray.clone().field(i)).collect();
-    store(builder, &mut code, traced, &values, &index, stride);
+    store(builder, &mut code, &widths(traced), &values, &index, stride);
     code.finish(None)
 }

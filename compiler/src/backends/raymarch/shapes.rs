@@ -232,7 +232,8 @@ fn host(graph: &Graph, builder: &mut KernelBuilder, node: NodeId, name: &str) ->
     builder.value(graph, node, name)
 }
 
-fn transform(graph: &Graph, builder: &mut KernelBuilder, code: &mut Code, ray: &Ray, affine: &Affine) -> Ray {
+/// A ray in a primitive's own space.
+pub(super) fn transformed(graph: &Graph, builder: &mut KernelBuilder, code: &mut Code, ray: &Ray, affine: &Affine) -> Ray {
     let rows = affine.rows.map(|r| host(graph, builder, r, "row"));
     let offset = host(graph, builder, affine.offset, "offset");
     let apply = |v: &Expr| Expr::Compose(Ty::VEC3, rows.iter().map(|r| r.clone().dot(v.clone())).collect());
@@ -253,7 +254,7 @@ pub(super) fn primitive_span(
 ) -> Option<Expr> {
     let ray = match &primitive.from_world {
         Some(affine) if !matches!(primitive.kind, PrimitiveKind::Sdf { .. }) => {
-            &transform(graph, builder, code, ray, affine)
+            &transformed(graph, builder, code, ray, affine)
         }
         _ => ray,
     };
