@@ -1,9 +1,11 @@
 //! The media as this backend sees them: what is uniform, what has a closed form, what must be sampled, what must be checked.
 
+use super::project::{Data, data_of};
 use super::shapes::{Region, is_hosted, region};
 use crate::analysis::closed::{ExponentialTerm, exponential_sum, ratio};
 use crate::analysis::range::{Range, ranges};
-use crate::ir::{Binary, FieldScene, Graph, NodeId, Op, Primitive, Tier};
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::ir::{Binary, Composite, FieldScene, Graph, NodeId, Op, Primitive, Tier};
 use crate::passes::{self, is_zero};
 use crate::program::Ledger;
 use crate::source::Span;
@@ -40,6 +42,8 @@ pub(super) struct Matter {
     pub(super) source_bound: Option<f64>,
     /// Coefficients not known to be finite and ≥ 0.
     pub(super) checks: Vec<Check>,
+    /// What a projection shows of it.
+    pub(super) data: Option<Data>,
 }
 
 /// All that the kernel needs to know about the scene.
@@ -65,9 +69,21 @@ fn add(graph: &mut Graph, a: NodeId, b: NodeId) -> NodeId {
     passes::push(graph, Op::Binary(Binary::Add, a, b))
 }
 
+fn no_normal(medium: &crate::ir::Medium) -> Diagnostic {
+    let message = format!("an isosurface of `{}` needs the gradient of its data, which is a gradient already", medium.name);
+    let diagnostic = Diagnostic::error("E0512", message);
+    match medium.span {
+        Some(span) => diagnostic.at(span, "the data of this medium"),
+        None => diagnostic,
+    }
+    .hint("project it with `composite = maximum`, or take the isosurface of the grid itself")
+}
+
 impl Scene {
-    pub(super) fn new(scene: &mut FieldScene, ledger: &mut Ledger) -> Self {
+    pub(super) fn new(scene: &mut FieldScene, ledger: &mut Ledger, diagnostics: &mut Diagnostics) -> Self {
         let media = scene.media.clone();
+        let composite = scene.render.composite;
+        let projecting = composite != Composite::Radiance;
         let graph = &mut scene.graph;
         let mut primitives = vec![];
         let mut matter = vec![];
@@ -76,14 +92,25 @@ impl Scene {
             graph.annotate(k_t, None, Some(&format!("{}.k_t", medium.name)));
             let extinction = (!is_zero(graph, k_t)).then_some(k_t);
             let emission = (!is_zero(graph, medium.k_e)).then_some(medium.k_e);
-            if extinction.is_none() && emission.is_none() {
+            let data = match data_of(graph, medium, composite) {
+                Ok(data) => data.filter(|_| projecting),
+                Err(_) => {
+                    diagnostics.push(no_normal(medium));
+                    None
+                }
+            };
+            if projecting && data.is_none() {
+                ledger.omit(format!("medium {}", medium.name), "it has no data to project", medium.span);
+                continue;
+            }
+            if !projecting && extinction.is_none() && emission.is_none() {
                 ledger.omit(format!("medium {}", medium.name), "all its coefficients are 0", medium.span);
                 continue;
             }
-            if emission.is_none() {
+            if emission.is_none() && !projecting {
                 ledger.omit(format!("emission of {}", medium.name), "its k_e is 0", medium.span);
             }
-            if extinction.is_none() {
+            if extinction.is_none() && !projecting {
                 ledger.omit(format!("extinction of {}", medium.name), "its k_a and k_s are 0", medium.span);
             }
             let push = &mut |graph: &mut Graph, op: Op| passes::push(graph, op);
@@ -95,7 +122,7 @@ impl Scene {
                 (Some(e), Some(t)) => Some(ratio(graph, push, e, t)),
                 _ => None,
             };
-            matter.push((index as u32, medium, extinction, emission, closed, quotient));
+            matter.push((index as u32, medium, extinction, emission, closed, quotient, data));
         }
         let tiers = graph.tiers();
         let ranges = ranges(graph);
@@ -103,7 +130,7 @@ impl Scene {
         let varies = |n: Option<NodeId>| n.is_some_and(|n| tiers[n.0 as usize] == Tier::Sample);
         let matter: Vec<Matter> = matter
             .into_iter()
-            .map(|(index, medium, extinction, emission, closed, quotient)| {
+            .map(|(index, medium, extinction, emission, closed, quotient, data)| {
                 let varying = varies(extinction) || varies(emission);
                 let checks = [("k_a", medium.k_a), ("k_s", medium.k_s), ("k_e", medium.k_e)]
                     .into_iter()
@@ -129,6 +156,7 @@ impl Scene {
                         (Some(_), None) => None,
                     },
                     checks,
+                    data,
                 }
             })
             .collect();
@@ -137,10 +165,14 @@ impl Scene {
         let background = (!is_zero(graph, scene.background)).then_some(scene.background);
         let glow = matter.iter().any(|m| m.emission.is_some());
         let mut light_width = matter.iter().map(|m| width(m.emission)).max().unwrap_or(1).max(width(background));
-        if background.is_some() || glow {
+        if projecting {
+            let colors = matter.iter().filter_map(|m| m.data.as_ref()).map(|d| graph.width(d.color));
+            light_width = colors.max().unwrap_or(1).max(width(background));
+        } else if background.is_some() || glow {
             light_width = light_width.max(depth_width);
         }
-        let closed = Self::all_closed(&matter);
+        let depth_width = if projecting { 1 } else { depth_width };
+        let closed = !projecting && Self::all_closed(&matter);
         Self { matter, primitives, tiers, background, depth_width, light_width, closed }
     }
 

@@ -2,6 +2,7 @@
 
 mod edges;
 mod matter;
+mod project;
 mod rays;
 mod shapes;
 mod trace;
@@ -33,7 +34,7 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
-    let seen = matter::Scene::new(scene, ledger);
+    let seen = matter::Scene::new(scene, ledger, diagnostics);
     endless(scene, &seen, diagnostics);
     if diagnostics.has_errors() {
         return None;
@@ -64,6 +65,7 @@ pub(super) fn build(
         builder: &mut builder,
         spans: shapes::SpanFunctions::default(),
         rule,
+        composite: scene.render.composite,
         wanted,
         max_work: scene.render.max_work,
         shells: scene.shells.clone(),
@@ -131,7 +133,7 @@ fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnosti
                 .hint(hint),
             );
         }
-        if m.extinction.is_none() && m.emission.is_some() {
+        if scene.render.composite == Composite::Radiance && m.extinction.is_none() && m.emission.is_some() {
             diagnostics.push(
                 at(Diagnostic::error(
                     "E0511",
@@ -142,7 +144,6 @@ fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnosti
             );
         }
     }
-    let _ = scene;
 }
 
 /// A signed distance field may bound a medium although no box is known: tracing finds its far side, or that there is none.

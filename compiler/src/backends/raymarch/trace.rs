@@ -8,10 +8,11 @@
 //! Optical depths are summed and never multiplied up as transmittances, so that nothing underflows early.
 
 use super::matter::{Matter, Scene};
+use super::project::Projected;
 use super::shapes::{FAR, Ray, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
 use crate::analysis::feature::{feature_length, lipschitz};
 use crate::fields::{Code, FieldFunction, Helper, KernelBuilder, Writer, field_function};
-use crate::ir::{Graph, Input, NodeId, PrimitiveKind, Tier};
+use crate::ir::{Composite, Graph, Input, NodeId, PrimitiveKind, Tier};
 use crate::program::kernel::{BinaryOp, Expr, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
 
@@ -28,22 +29,40 @@ pub(super) struct Traced {
 
 /// The values of a medium's coefficients where they do not depend on the position.
 #[derive(Clone, Default)]
-struct Constant {
+pub(super) struct Constant {
     extinction: Option<Expr>,
     emission: Option<Expr>,
 }
 
-struct Medium<'a> {
+/// One medium while the function is written.
+pub(super) struct Medium<'a> {
     matter: &'a Matter,
     constant: Constant,
     /// Its function of the position, with the values it takes from the ray.
-    function: Option<(FieldFunction, Vec<Expr>)>,
+    pub(super) function: Option<(FieldFunction, Vec<Expr>)>,
     /// Position of each varying field in the function's result.
     extinction_at: Option<usize>,
     emission_at: Option<usize>,
     checks_at: Vec<(usize, u32, u32)>,
     /// Whether it is here; `None` is always.
-    here: Option<Expr>,
+    pub(super) here: Option<Expr>,
+}
+
+impl<'a> Medium<'a> {
+    /// Without any coefficient.
+    pub(super) fn plain(matter: &'a Matter) -> Self {
+        let constant = Constant::default();
+        Self { matter, constant, function: None, extinction_at: None, emission_at: None, checks_at: vec![], here: None }
+    }
+}
+
+/// A stretch of a ray in which the set of media is constant.
+pub(super) struct Segment {
+    pub(super) ray: Ray,
+    pub(super) a: Expr,
+    pub(super) b: Expr,
+    /// The length that errors are shared out over; `None` is the segment's own.
+    pub(super) reach: Option<Expr>,
 }
 
 pub(super) struct Tracer<'a> {
@@ -52,19 +71,21 @@ pub(super) struct Tracer<'a> {
     pub(super) builder: &'a mut KernelBuilder,
     pub(super) spans: SpanFunctions,
     pub(super) rule: StepRule,
+    pub(super) composite: Composite,
     pub(super) wanted: Vec<OutputKind>,
     pub(super) max_work: u32,
     pub(super) shells: Vec<(NodeId, NodeId)>,
 }
 
 /// Variables of the function.
-struct State {
+pub(super) struct State {
     depth: Option<LocalId>,
     radiance: Option<LocalId>,
     error: Option<LocalId>,
-    work: Option<LocalId>,
+    pub(super) work: Option<LocalId>,
     fault: Option<LocalId>,
     fault_at: Option<LocalId>,
+    pub(super) projected: Option<Projected>,
 }
 
 /// A sample of all media at a point.
@@ -114,7 +135,12 @@ impl Tracer<'_> {
             let span = primitive_span(self.graph, self.builder, &mut self.spans, &mut code, &ray, primitive, name);
             spans.push(span);
         }
-        let mut media = self.media(&mut code, &ray);
+        let mut media = match self.composite {
+            Composite::Radiance => self.media(&mut code, &ray),
+            Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_) => {
+                self.data_media(&mut code, &ray)
+            }
+        };
         let simple = match scene.matter.as_slice() {
             [only] => matches!(only.region, super::shapes::Region::Leaf(i) if spans[i].is_some()),
             _ => false,
@@ -124,12 +150,14 @@ impl Tracer<'_> {
             let a = code.bind("enter", Ty::F32, span.clone().component(0).max(start));
             let b = code.bind("leave", Ty::F32, span.component(1));
             code.open();
-            self.segment(&mut code, &ray, &state, &media, a.clone(), b.clone(), Some(b.clone() - a.clone()));
+            let reach = Some(b.clone() - a.clone());
+            self.segment(&mut code, &state, &media, &Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach });
             let body = code.close();
             code.push_if(b.greater(a), body);
             ledger.omit("loop over segments", "one convex medium cuts a ray at most twice", scene.matter[0].span);
         } else if scene.primitives.is_empty() {
-            self.segment(&mut code, &ray, &state, &media, start, Expr::F32(FAR), None);
+            let segment = Segment { ray: ray.clone(), a: start, b: Expr::F32(FAR), reach: None };
+            self.segment(&mut code, &state, &media, &segment);
             if !scene.matter.is_empty() {
                 ledger.omit("loop over segments", "no shape cuts the rays", None);
             }
@@ -141,15 +169,15 @@ impl Tracer<'_> {
 
     fn declare(&mut self, code: &mut Code, ledger: &mut Ledger) -> State {
         let scene = self.scene;
-        let depth = scene
-            .attenuates()
+        let through = self.composite == Composite::Radiance;
+        let depth = (through && scene.attenuates())
             .then(|| code.var("depth", Ty::float(scene.depth_width), Expr::F32(0.0).splat(scene.depth_width)));
-        let radiance = (scene.glows() && self.wants(OutputKind::Radiance))
+        let radiance = (through && scene.glows() && self.wants(OutputKind::Radiance))
             .then(|| code.var("radiance", Ty::float(scene.light_width), Expr::F32(0.0).splat(scene.light_width)));
-        if depth.is_none() {
+        if depth.is_none() && through {
             ledger.omit("optical depth", "nothing attenuates", None);
         }
-        if radiance.is_none() {
+        if radiance.is_none() && through {
             ledger.omit("emission along the ray", "nothing shines", None);
         }
         let steps = !matches!(self.rule, StepRule::Closed);
@@ -157,17 +185,18 @@ impl Tracer<'_> {
         let adaptive = matches!(self.rule, StepRule::Adaptive(_));
         let work =
             (steps && (adaptive || self.wants(OutputKind::Evaluations))).then(|| code.var("work", Ty::U32, 0u32));
-        let checked = scene.matter.iter().any(|m| !m.checks.is_empty()) && self.wants(OutputKind::Fault);
+        let checked = through && scene.matter.iter().any(|m| !m.checks.is_empty()) && self.wants(OutputKind::Fault);
         let fault = checked.then(|| code.var("fault", Ty::U32, 0u32));
         let fault_at = checked.then(|| code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3)));
-        if !checked && !scene.matter.is_empty() {
+        if !checked && through && !scene.matter.is_empty() {
             ledger.omit(
                 "check of coefficients",
                 "every coefficient is proved finite and not negative, or checked on the host",
                 None,
             );
         }
-        State { depth, radiance, error, work, fault, fault_at }
+        let projected = (self.composite != Composite::Radiance).then(|| self.declare_projection(code));
+        State { depth, radiance, error, work, fault, fault_at, projected }
     }
 
     fn primitive_names(&self) -> Vec<String> {
@@ -353,7 +382,7 @@ impl Tracer<'_> {
         let anywhere = media.iter().map(|m| m.here.clone()).collect::<Option<Vec<Expr>>>();
         let anywhere = anywhere.and_then(|all| all.into_iter().reduce(Expr::or));
         code.open();
-        self.segment(code, ray, state, media, t.into(), next.into(), reach);
+        self.segment(code, state, media, &Segment { ray: ray.clone(), a: t.into(), b: next.into(), reach });
         let body = code.close();
         match anywhere {
             Some(condition) => code.push_if(condition, body),
@@ -371,23 +400,18 @@ impl Tracer<'_> {
         code.push_loop(block);
     }
 
-    /// Adds the segment [a, b] to the state. `reach` is the length that errors are shared out over; `None` is the segment's.
-    #[expect(clippy::too_many_arguments, reason = "the pieces of one function being written")]
-    fn segment(
-        &mut self,
-        code: &mut Code,
-        ray: &Ray,
-        state: &State,
-        media: &[Medium<'_>],
-        a: Expr,
-        b: Expr,
-        reach: Option<Expr>,
-    ) {
+    /// Adds a segment to the state.
+    fn segment(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
         if media.is_empty() {
             return;
         }
+        if self.composite != Composite::Radiance {
+            self.project_segment(code, state, media, segment);
+            return;
+        }
+        let Segment { ray, a, b, .. } = segment;
         if self.scene.closed {
-            self.closed(code, ray, state, media, &a, &b);
+            self.closed(code, ray, state, media, a, b);
             return;
         }
         // Where only closed forms are present, no step is taken, and only there may a segment be endless.
@@ -398,14 +422,14 @@ impl Tracer<'_> {
         match any {
             Some(condition) if !others.is_empty() => {
                 code.open();
-                self.march(code, ray, state, media, &a, &b, reach);
+                self.march(code, state, media, segment);
                 let steps = code.close();
                 code.open();
-                self.closed_some(code, state, &others, &a, &b);
+                self.closed_some(code, state, &others, a, b);
                 let closed = code.close();
                 code.push_if_else(condition, steps, closed);
             }
-            _ => self.march(code, ray, state, media, &a, &b, reach),
+            _ => self.march(code, state, media, segment),
         }
     }
 
@@ -672,38 +696,27 @@ impl Tracer<'_> {
     }
 
     /// Steps through a segment in which something varies.
-    #[expect(clippy::too_many_arguments, reason = "the pieces of one function being written")]
-    fn march(
-        &mut self,
-        code: &mut Code,
-        ray: &Ray,
-        state: &State,
-        media: &[Medium<'_>],
-        a: &Expr,
-        b: &Expr,
-        reach: Option<Expr>,
-    ) {
-        let length = code.bind("length", Ty::F32, b.clone() - a.clone());
-        let reach = reach.unwrap_or_else(|| length.clone());
+    fn march(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
+        let length = code.bind("length", Ty::F32, segment.b.clone() - segment.a.clone());
+        let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
         match self.rule {
-            StepRule::Fixed(_) => self.march_fixed(code, ray, state, media, a, &length, &reach),
+            StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
             StepRule::Closed | StepRule::Adaptive(_) => {
-                self.march_adaptive(code, ray, state, media, a, &length, &reach)
+                self.march_adaptive(code, state, media, segment, &length, &reach);
             }
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the pieces of one function being written")]
     fn march_fixed(
         &mut self,
         code: &mut Code,
-        ray: &Ray,
         state: &State,
         media: &[Medium<'_>],
-        a: &Expr,
+        segment: &Segment,
         length: &Expr,
         reach: &Expr,
     ) {
+        let (ray, a) = (&segment.ray, &segment.a);
         let steps = self.builder.frame(FrameValue::Steps).convert(Prim::F32);
         let share = Expr::math(Math::Ceil, [steps * (length.clone() / reach.clone()) - 1e-4]);
         let count = code.bind("count", Ty::F32, share.max(1.0));
@@ -761,17 +774,16 @@ impl Tracer<'_> {
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the pieces of one function being written")]
     fn march_adaptive(
         &mut self,
         code: &mut Code,
-        ray: &Ray,
         state: &State,
         media: &[Medium<'_>],
-        a: &Expr,
+        segment: &Segment,
         length: &Expr,
         reach: &Expr,
     ) {
+        let (ray, a) = (&segment.ray, &segment.a);
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
         let accuracy = self.builder.frame(FrameValue::Accuracy);
         let white = self.builder.frame(FrameValue::White);
@@ -914,35 +926,61 @@ impl Tracer<'_> {
         self.scene.matter.iter().map(|m| m.source_bound).try_fold(0.0f64, |a, b| Some(a.max(b?)))
     }
 
-    /// The background behind it all, and the struct that is returned.
-    fn finish(self, mut code: Code, ray: &Ray, state: &State) -> Traced {
+    /// Radiance of the background, in the width of light.
+    fn background(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
+        let node = self.scene.background?;
+        let mut writer = Writer::new(self.graph, &self.scene.tiers);
+        writer.know_input(Input::Direction, ray.direction.clone());
+        let value = writer.write(self.builder, code, &[node]).remove(0);
+        Some(widen(value, self.graph.width(node), self.scene.light_width))
+    }
+
+    /// What the media shine and let through.
+    fn radiance(&mut self, code: &mut Code, ray: &Ray, state: &State) -> Expr {
+        let width = self.scene.light_width;
+        let light = state.radiance.map(Expr::Local);
+        let behind = self.background(code, ray).map(|value| self.weighted(state, value, width));
+        match (light, behind) {
+            (Some(light), Some(behind)) => light + behind,
+            (Some(light), None) | (None, Some(light)) => light,
+            (None, None) => Expr::F32(0.0).splat(width),
+        }
+    }
+
+    /// The struct that is returned.
+    fn finish(mut self, mut code: Code, ray: &Ray, state: &State) -> Traced {
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
+        let mut shown = None;
+        if let Some(projected) = &state.projected {
+            let background = self.background(&mut code, ray);
+            let background = background.unwrap_or_else(|| Expr::F32(0.0).splat(lw));
+            shown = Some(self.projected_light(&mut code, ray, projected, background));
+        }
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];
         for kind in self.wanted.clone() {
             match kind {
                 OutputKind::Radiance => {
-                    let mut light = state.radiance.map(Expr::Local);
-                    if let Some(node) = self.scene.background {
-                        let mut writer = Writer::new(self.graph, &self.scene.tiers);
-                        writer.know_input(Input::Direction, ray.direction.clone());
-                        let value = writer.write(self.builder, &mut code, &[node]).remove(0);
-                        let behind = self.weighted(state, value, self.graph.width(node));
-                        light = Some(match light {
-                            Some(l) => l + behind,
-                            None => behind,
-                        });
-                    }
+                    let light = match &shown {
+                        Some((light, _)) => light.clone(),
+                        None => self.radiance(&mut code, ray, state),
+                    };
                     fields.push((kind, lw));
-                    values.push(light.unwrap_or_else(|| Expr::F32(0.0).splat(lw)));
+                    values.push(light);
                 }
                 OutputKind::Transmittance => {
                     fields.push((kind, dw));
-                    values.push(self.transmittance(state).unwrap_or(Expr::F32(1.0)));
+                    values.push(match &shown {
+                        Some((_, clear)) => clear.clone().select(1.0, 0.0).splat(dw),
+                        None => self.transmittance(state).unwrap_or(Expr::F32(1.0)),
+                    });
                 }
                 OutputKind::OpticalDepth => {
                     fields.push((kind, dw));
-                    values.push(state.depth.map_or(Expr::F32(0.0), Expr::Local));
+                    values.push(match &shown {
+                        Some((_, clear)) => clear.clone().select(0.0, FAR).splat(dw),
+                        None => state.depth.map_or(Expr::F32(0.0), Expr::Local),
+                    });
                 }
                 OutputKind::Error => {
                     fields.push((kind, 1));
