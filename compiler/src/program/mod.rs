@@ -3,12 +3,15 @@
 pub mod kernel;
 mod ledger;
 mod plan;
+mod print;
 
 pub use ledger::{Ledger, Omission};
 pub use plan::{
     Binding, Extent, Fault, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, UniformField,
     UniformLayout, UniformSource, texture_prim,
 };
+
+pub use print::{print_graphviz, print_ir, print_ledger, print_plan, print_scene};
 
 use crate::ir::FieldScene;
 

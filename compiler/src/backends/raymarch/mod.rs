@@ -188,14 +188,7 @@ fn edged(aa: Aa, rays: RaySource, primitives: &[crate::ir::Primitive], ledger: &
 }
 
 /// Stores a traced ray in its record.
-fn store(
-    builder: &mut KernelBuilder,
-    code: &mut Code,
-    widths: &[u8],
-    values: &[Expr],
-    record: &Expr,
-    stride: u32,
-) {
+fn store(builder: &mut KernelBuilder, code: &mut Code, widths: &[u8], values: &[Expr], record: &Expr, stride: u32) {
     let records = builder.records();
     let base = code.bind("base", Ty::U32, record.clone() * stride);
     let mut offset = 0u32;

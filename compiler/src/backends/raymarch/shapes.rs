@@ -233,7 +233,13 @@ fn host(graph: &Graph, builder: &mut KernelBuilder, node: NodeId, name: &str) ->
 }
 
 /// A ray in a primitive's own space.
-pub(super) fn transformed(graph: &Graph, builder: &mut KernelBuilder, code: &mut Code, ray: &Ray, affine: &Affine) -> Ray {
+pub(super) fn transformed(
+    graph: &Graph,
+    builder: &mut KernelBuilder,
+    code: &mut Code,
+    ray: &Ray,
+    affine: &Affine,
+) -> Ray {
     let rows = affine.rows.map(|r| host(graph, builder, r, "row"));
     let offset = host(graph, builder, affine.offset, "offset");
     let apply = |v: &Expr| Expr::Compose(Ty::VEC3, rows.iter().map(|r| r.clone().dot(v.clone())).collect());

@@ -1,0 +1,158 @@
+//! Programs as text: `vol emit --target ir|graph|plan` and the omission ledger.
+
+use super::{Binding, Extent, Ledger, Plan, Program, RaySource, StepRule, UniformSource};
+use crate::ir::{FieldScene, Graph, NodeId, Op, print};
+use crate::source::Sources;
+use std::fmt::Write as _;
+
+/// Every field of a scene with its name.
+fn named_roots(scene: &FieldScene) -> Vec<(String, NodeId)> {
+    let mut roots = vec![];
+    for medium in &scene.media {
+        for (field, node) in [("k_a", medium.k_a), ("k_s", medium.k_s), ("k_e", medium.k_e)] {
+            roots.push((format!("{}.{field}", medium.name), node));
+        }
+        for (field, node) in [("phase", medium.phase), ("data", medium.data), ("data_color", medium.data_color)] {
+            roots.extend(node.map(|n| (format!("{}.{field}", medium.name), n)));
+        }
+        let mut shape = medium.shape.clone();
+        let mut count = 0;
+        shape.map_nodes(&mut |node| {
+            roots.push((format!("{}.shape.{count}", medium.name), node));
+            count += 1;
+            node
+        });
+    }
+    roots.push(("background".into(), scene.background));
+    let camera = scene.camera;
+    roots.extend(
+        [("camera.from", camera.from), ("camera.to", camera.to), ("camera.up", camera.up)]
+            .map(|(n, id)| (n.into(), id)),
+    );
+    roots
+}
+
+/// The field graph of a scene, one node a line.
+#[must_use]
+pub fn print_scene(scene: &FieldScene) -> String {
+    let mut out = format!("// 1 unit of length = {} m; bands: {} \n", scene.units.length, bands(scene));
+    out.push_str(&print(&scene.graph, &named_roots(scene)));
+    out
+}
+
+fn bands(scene: &FieldScene) -> String {
+    let nm: Vec<String> = scene.bands.wavelengths.iter().map(|w| format!("{:.0} nm", w * 1e9)).collect();
+    nm.join(", ")
+}
+
+/// Both graphs: as lowered, and as optimised.
+#[must_use]
+pub fn print_ir(program: &Program) -> String {
+    format!(
+        "// as lowered: what the reference engine evaluates\n{}\n// as optimised: what the backends see\n{}",
+        print_scene(&program.lowered),
+        print_scene(&program.optimised)
+    )
+}
+
+/// The optimised field graph in Graphviz's language.
+#[must_use]
+pub fn print_graphviz(program: &Program) -> String {
+    let scene = &program.optimised;
+    let graph = &scene.graph;
+    let roots = named_roots(scene);
+    let ids: Vec<NodeId> = roots.iter().map(|r| r.1).collect();
+    let live = graph.reachable(&ids);
+    let mut out = String::from("digraph fields {\n    rankdir = BT\n    node [shape = box, fontname = monospace]\n");
+    for id in graph.ids().filter(|id| live[id.0 as usize]) {
+        let label = match graph.op(id) {
+            Op::Const(c) => c.values().iter().map(f64::to_string).collect::<Vec<_>>().join(", "),
+            op => format!("{op:?}").split(['(', ' ', '{']).next().unwrap_or("").to_lowercase(),
+        };
+        let name = graph.origin(id).name.as_ref().map_or(String::new(), |n| format!("\\n{n}"));
+        let _ = writeln!(out, "    n{} [label = \"{label}{name}\"]", id.0);
+        Graph::operands(graph.op(id), |a| {
+            let _ = writeln!(out, "    n{} -> n{}", a.0, id.0);
+        });
+    }
+    for (i, (name, id)) in roots.iter().enumerate() {
+        let _ = writeln!(out, "    r{i} [label = \"{name}\", shape = oval]\n    n{} -> r{i}", id.0);
+    }
+    out.push_str("}\n");
+    out
+}
+
+/// The plan: what is bound, filled and dispatched.
+#[must_use]
+pub fn print_plan(program: &Program) -> String {
+    let plan: &Plan = &program.plan;
+    let scene = &program.optimised;
+    let mut out = format!("backend {}\n", plan.backend);
+    let rays = match plan.rays {
+        RaySource::Camera => "camera",
+        RaySource::List => "list",
+    };
+    let _ = writeln!(out, "rays {rays}, {} per pixel", plan.samples);
+    let _ = match plan.steps {
+        StepRule::Closed => writeln!(out, "steps none: closed forms"),
+        StepRule::Fixed(n) => writeln!(out, "steps {n}, midpoint rule with the exact exponential inside a step"),
+        StepRule::Adaptive(a) => writeln!(out, "steps by local error control to accuracy {a:e}"),
+    };
+    let _ = writeln!(out, "bands {}", bands(scene));
+    let _ = writeln!(out, "unit of length {} m", scene.units.length);
+    let _ = writeln!(out, "record of {} f32:", plan.stride);
+    for output in &plan.outputs {
+        let _ = writeln!(out, "    {:3} {:?} × {}", output.offset, output.kind, output.width);
+    }
+    let _ = writeln!(out, "bindings:");
+    for (i, binding) in plan.bindings.iter().enumerate() {
+        let what = match binding {
+            Binding::Uniforms => format!("uniform block of {} bytes", plan.uniforms.size),
+            Binding::Grid(id) => {
+                let info = scene.graph.grid(*id);
+                let [x, y, z] = info.header.dims;
+                format!("texture of grid {}: {x} × {y} × {z} of {:?}", info.name, info.header.scalar)
+            }
+            Binding::Table(id) => {
+                let table = scene.graph.table(*id);
+                format!("buffer of table {}: {} rows of {}", table.name, table.keys.len(), table.width + 1)
+            }
+            Binding::Rays => "buffer of rays, 8 f32 each".into(),
+            Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
+        };
+        let _ = writeln!(out, "    {i} {what}");
+    }
+    let _ = writeln!(out, "uniforms:");
+    for field in &plan.uniforms.fields {
+        let prim = if field.integer { "u32" } else { "f32" };
+        let source = match field.source {
+            UniformSource::Node(node) => format!("node %{}", node.0),
+            UniformSource::Frame(value) => format!("{value:?}"),
+        };
+        let _ = writeln!(out, "    {:4} {} : {prim} × {} = {source}", field.offset, field.name, field.width);
+    }
+    let _ = writeln!(out, "passes:");
+    for pass in &plan.passes {
+        let over = match pass.extent {
+            Extent::Tile => "pixels of a tile",
+            Extent::Rays => "rays of the list",
+        };
+        let _ = writeln!(out, "    {} over {over}", program.kernels[pass.kernel as usize].name);
+    }
+    out
+}
+
+/// The omission ledger: one line per thing left out, with the place that made it unneeded.
+#[must_use]
+pub fn print_ledger(ledger: &Ledger, sources: &Sources) -> String {
+    let mut out = String::new();
+    for omission in &ledger.0 {
+        let _ = write!(out, "without {}: {}", omission.feature, omission.reason);
+        if let Some(span) = omission.span {
+            let (line, _) = sources.line_column(span);
+            let _ = write!(out, " ({}:{line})", sources.get(span.source).name);
+        }
+        out.push('\n');
+    }
+    out
+}
