@@ -18,6 +18,8 @@ pub struct Module {
     pub docs: Option<String>,
     /// In order of appearance.
     pub items: Vec<Item>,
+    /// Names of items that could not be read; the text has errors then, and uses of these names are not to be reported again.
+    pub unread: Vec<Name>,
     /// The whole text.
     pub span: Span,
 }
