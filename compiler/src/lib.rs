@@ -4,6 +4,7 @@
 
 pub mod check;
 pub mod diagnostic;
+pub mod emit;
 pub mod ir;
 pub mod loader;
 pub mod lower;

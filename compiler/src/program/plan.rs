@@ -145,6 +145,25 @@ pub struct UniformLayout {
     pub size: u32,
 }
 
+impl UniformLayout {
+    /// Lays fields out in this order by WGSL's rules: a value of 1, 2, 3 or 4 components is aligned to 4, 8, 16 or
+    /// 16 bytes. Each field is its name, components, whether it is u32, and source.
+    #[must_use]
+    pub fn new(fields: impl IntoIterator<Item = (String, u8, bool, UniformSource)>) -> Self {
+        let mut end = 0u32;
+        let fields: Vec<_> = fields
+            .into_iter()
+            .map(|(name, width, integer, source)| {
+                let alignment = if width == 3 { 16 } else { 4 * u32::from(width) };
+                let offset = end.next_multiple_of(alignment.max(1));
+                end = offset + 4 * u32::from(width);
+                UniformField { name, offset, width, integer, source }
+            })
+            .collect();
+        Self { fields, size: end.next_multiple_of(16) }
+    }
+}
+
 /// What is bound at one binding of group 0; the index is the binding.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum Binding {

@@ -117,4 +117,33 @@ into voxel indices. Correct the orientation in the file.",
         explanation: "Absorption, scattering and emission are 0 or larger, and finite. Where a field becomes negative only at \
 some places, write `max(0 /m, …)`.",
     },
+    CodeInfo {
+        code: "E0590",
+        title: "a number does not fit 32-bit floating point",
+        explanation: "\
+Scenes are worked out in 64-bit numbers, but a GPU computes in 32-bit ones, which end near 3.4e38. A number of the scene \
+(perhaps one that the compiler worked out from constants) is larger than that, infinite, or not a number at all.
+
+```vol
+let strength = 1e30 * 1e30      // 1e60
+```
+Choose units or constants so that numbers stay between 1e-38 and 1e38:
+```vol
+let strength = 1e30
+```",
+    },
+    CodeInfo {
+        code: "E0591",
+        title: "internal error in the shader",
+        explanation: "\
+The compiler made a shader that its own checks refuse. This is a mistake of the compiler, not of the scene. Please report \
+it with the scene; until it is mended, writing the expression named in the message in another way may help.",
+    },
+    CodeInfo {
+        code: "E0592",
+        title: "a target cannot express the shader",
+        explanation: "\
+`vol emit` was asked for a shading language that lacks something the scene's shader needs, for instance enough bindings. \
+Another target, such as `--target wgsl`, can express it.",
+    },
 ];
