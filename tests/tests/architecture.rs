@@ -12,18 +12,21 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("diagnostic", &["source"]),
     ("loader", &[]),
     ("syntax", &["diagnostic", "source"]),
-    ("resolve", &["diagnostic", "loader", "source", "syntax"]),
+    ("library", &["diagnostic", "source", "syntax"]),
+    ("resolve", &["diagnostic", "library", "loader", "source", "syntax"]),
     // The checked scene shares the plain enums of the schedule and the picture with the field graph.
     ("check", &["diagnostic", "ir", "loader", "resolve", "source", "syntax"]),
     ("ir", &["loader", "source"]),
     // Operators keep their names from the syntax tree; nothing else of it is left after checking.
     ("lower", &["check::hir", "diagnostic", "ir", "loader", "source", "syntax::ast"]),
     ("program", &["ir", "loader", "source"]),
-    ("analysis", &["ir"]),
+    // A grid's header bounds its values.
+    ("analysis", &["ir", "loader"]),
     // Passes write into the ledger what they leave out.
     ("passes", &["analysis", "ir", "program::Ledger"]),
-    ("fields", &["analysis", "ir", "program"]),
-    ("backends", &["analysis", "diagnostic", "fields", "ir", "program", "source"]),
+    ("fields", &["analysis", "ir", "program", "source"]),
+    // Backends build what the passes would leave of it, and read the caller's overrides of the schedule.
+    ("backends", &["Options", "analysis", "diagnostic", "fields", "ir", "passes", "program", "source"]),
     ("emit", &["diagnostic", "ir", "program", "source"]),
 ];
 
@@ -53,7 +56,8 @@ fn code_of(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out = Vec::with_capacity(bytes.len());
     let mut i = 0;
-    let blank = |out: &mut Vec<u8>, part: &[u8]| out.extend(part.iter().map(|b| if *b == b'\n' { b'\n' } else { b' ' }));
+    let blank =
+        |out: &mut Vec<u8>, part: &[u8]| out.extend(part.iter().map(|b| if *b == b'\n' { b'\n' } else { b' ' }));
     while i < bytes.len() {
         let rest = &bytes[i..];
         let length = if rest.starts_with(b"//") {
@@ -65,7 +69,8 @@ fn code_of(text: &str) -> String {
         } else if rest[0] == b'"' {
             quoted(rest)
         } else if rest[0] == b'\'' && (rest.get(1) == Some(&b'\\') || rest.get(2) == Some(&b'\'')) {
-            1 + rest[1..].iter().enumerate().skip(1).find(|(_, b)| **b == b'\'').map_or(1, |(n, _)| n + 1)
+            let first = if rest[1] == b'\\' { 3 } else { 2 };
+            (first..rest.len()).find(|n| rest[*n] == b'\'').map_or(1, |n| n + 1)
         } else {
             out.push(rest[0]);
             i += 1;
@@ -178,7 +183,8 @@ fn root_paths(code: &str, module: &[String]) -> BTreeSet<Vec<String>> {
             continue;
         }
         let (mut base, mut rest) = (module.to_vec(), &code[at..]);
-        while let Some(after) = rest.trim_start().strip_prefix("super").and_then(|r| r.trim_start().strip_prefix("::")) {
+        while let Some(after) = rest.trim_start().strip_prefix("super").and_then(|r| r.trim_start().strip_prefix("::"))
+        {
             base.pop();
             rest = after;
         }
@@ -271,7 +277,8 @@ fn the_table_of_rooms_has_no_cycle() {
     while settled.len() < ROOMS.len() {
         let before = settled.len();
         for (room, allowed) in ROOMS {
-            if allowed.iter().all(|a| settled.contains(a.split("::").next().expect("a name"))) {
+            let is_settled = |a: &&str| *a == "Options" || settled.contains(a.split("::").next().expect("a name"));
+            if allowed.iter().all(is_settled) {
                 settled.insert(room);
             }
         }
@@ -285,7 +292,10 @@ fn no_backend_imports_another() {
     let backends: Vec<String> = fs::read_dir(&folder)
         .map(|entries| {
             let names = entries.map(|e| e.expect("a readable folder").path());
-            names.filter(|p| p.is_dir()).map(|p| p.file_name().expect("a name").to_string_lossy().into_owned()).collect()
+            names
+                .filter(|p| p.is_dir())
+                .map(|p| p.file_name().expect("a name").to_string_lossy().into_owned())
+                .collect()
         })
         .unwrap_or_default();
     for own in &backends {
@@ -327,7 +337,6 @@ fn naga_and_wgpu_each_stay_in_their_room() {
 #[test]
 fn only_syntax_names_pest() {
     only_named_in("compiler/src", &["compiler/src/syntax"], "pest");
-    only_named_in("compiler/src", &["compiler/src/syntax"], "Rule");
 }
 
 #[test]
@@ -372,7 +381,8 @@ mod reading_code {
 
     #[test]
     fn comments_and_strings_are_no_code() {
-        let code = code_of("a // crate::x\n/* crate::y /* z */ */ b \"crate::\\\"w\" r#\"crate::\"v\"# '\"' c '\\'' d 'l e");
+        let code =
+            code_of("a // crate::x\n/* crate::y /* z */ */ b \"crate::\\\"w\" r#\"crate::\"v\"# '\"' c '\\'' d 'l e");
         let words: Vec<&str> = code.split_whitespace().collect();
         assert_eq!(words, ["a", "b", "c", "d", "'l", "e"]);
     }
@@ -385,7 +395,8 @@ mod reading_code {
 
     #[test]
     fn groups_and_supers_are_followed() {
-        let found = paths("use crate::{ir::{Op, Node}, source::Span}; let x: crate::program::Ledger;", &["lower", "expr"]);
+        let found =
+            paths("use crate::{ir::{Op, Node}, source::Span}; let x: crate::program::Ledger;", &["lower", "expr"]);
         assert_eq!(found, ["ir::Node", "ir::Op", "program::Ledger", "source::Span"]);
         assert_eq!(paths("use super::super::ir::Op; use super::Lowerer;", &["lower", "expr"]), ["ir::Op"]);
         assert_eq!(words("naga nagas our_naga (naga)", "naga").count(), 2);
