@@ -5,10 +5,12 @@
 pub mod check;
 pub mod diagnostic;
 pub mod ir;
+pub mod library;
 pub mod loader;
 pub mod lower;
 mod options;
 pub mod program;
+pub mod resolve;
 pub mod source;
 pub mod syntax;
 pub use options::{Compilation, Options};

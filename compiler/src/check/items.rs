@@ -188,7 +188,7 @@ impl Checker<'_> {
         let declared = modules.item(item);
         let ast::ItemKind::Block(block) = &declared.kind else { return None };
         let name = block.name.as_ref().map_or("", |n| n.text.as_str());
-        let mut properties = self.properties(item.module, block, &["file", "filter", "outside"]);
+        let mut properties = self.properties(block, &["file", "filter", "outside"]);
         let file = properties.take("file");
         let filter = properties.take("filter");
         let outside = properties.take("outside");
@@ -196,7 +196,7 @@ impl Checker<'_> {
         let filter = filter.map_or(Some(Filter::Linear), |p| self.word(p, "grid", &filters));
         let outside = outside.map_or(Some(0.0), |p| self.fixed_number(item.module, p, "grid", Dim::NONE));
         let Some(file) = file else {
-            self.missing_property(declared, block, "file", "file = \"scan.nii.gz\"");
+            self.missing_property(block, "file", "file = \"scan.nii.gz\"");
             return None;
         };
         let path = self.text(item.module, file, "grid")?;

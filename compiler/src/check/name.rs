@@ -247,7 +247,7 @@ impl Checker<'_> {
     /// `mie` is part of the language and not there yet.
     pub(super) fn no_mie(&mut self, span: Span) -> Value {
         self.report(
-            Diagnostic::error("E0901", "the phase function `mie` is not there yet")
+            Diagnostic::error("E0911", "the phase function `mie` is not there yet")
                 .at(span, "needs tables that cannot be computed yet")
                 .hint("`draine(g: …, alpha: …)` or `henyey_greenstein(g: …)` come close for many particles"),
         );

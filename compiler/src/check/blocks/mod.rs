@@ -36,7 +36,7 @@ impl<'b> Properties<'b> {
 impl Checker<'_> {
     /// Sorts the properties of a block; reports unknown ones and repeated ones. The values of unknown ones are checked
     /// for nothing: what they should be is not known.
-    pub(super) fn properties<'b>(&mut self, _module: ModuleId, block: &'b Block, known: &[&'static str]) -> Properties<'b> {
+    pub(super) fn properties<'b>(&mut self, block: &'b Block, known: &[&'static str]) -> Properties<'b> {
         let mut found: Vec<&'b Property> = vec![];
         for property in &block.properties {
             let name = property.name.text.as_str();
@@ -89,9 +89,8 @@ impl Checker<'_> {
         self.report(problem.note(format!("it has {}", list(known))));
     }
 
-    pub(super) fn missing_property(&mut self, item: &ast::Item, block: &Block, name: &str, example: &str) {
+    pub(super) fn missing_property(&mut self, block: &Block, name: &str, example: &str) {
         let place = block.name.as_ref().map_or(block.word, |n| block.word.to(n.span));
-        let _ = item;
         self.report(
             Diagnostic::error("E0403", format!("this {} needs `{name}`", block.kind.word()))
                 .at(place, format!("without `{name}`"))
@@ -289,8 +288,8 @@ impl Checker<'_> {
         }
         let mut pending = vec![];
         for kind in [BlockKind::Splats, BlockKind::Style, BlockKind::Text] {
-            for (item, block) in of(kind) {
-                pending.extend(self.pending(item, block));
+            for (_, block) in of(kind) {
+                pending.extend(self.pending(block));
             }
         }
         let camera = self.camera(of(BlockKind::Camera).next());
