@@ -7,10 +7,10 @@
 //! the area on either side has a closed form, and each side is sampled at its middle. For a straight edge between
 //! smooth sides this is exact to second order in the pixel's size.
 
-use super::rays::{self, Start};
+use super::rays::{Camera, Start};
 use super::shapes::{FAR, Ray, transformed};
 use crate::fields::{Code, KernelBuilder};
-use crate::ir::{Graph, Primitive, PrimitiveKind, Projection};
+use crate::ir::{Graph, Primitive, PrimitiveKind};
 use crate::program::kernel::{Expr, FunctionId, Math, Ty};
 
 /// How an edge divides a pixel.
@@ -132,7 +132,7 @@ pub(super) fn divide(
     graph: &Graph,
     builder: &mut KernelBuilder,
     code: &mut Code,
-    projection: Projection,
+    camera: &Camera,
     primitives: &[Primitive],
     (x, y): (Expr, Expr),
 ) -> Option<Division> {
@@ -145,9 +145,10 @@ pub(super) fn divide(
     if functions.is_empty() {
         return None;
     }
-    let mut start = |dx: f64, dy: f64| rays::camera(builder, code, projection, x.clone() + dx, y.clone() + dy);
     // The centre, and half a pixel to each side.
-    let starts = [start(0.0, 0.0), start(-0.5, 0.0), start(0.5, 0.0), start(0.0, -0.5), start(0.0, 0.5)];
+    let places = [("center", 0.0, 0.0), ("left", -0.5, 0.0), ("right", 0.5, 0.0), ("above", 0.0, -0.5), ("below", 0.0, 0.5)];
+    let shift = |v: &Expr, d: f64| if d == 0.0 { v.clone() } else { v.clone() + d };
+    let starts = places.map(|(name, dx, dy)| camera.ray(code, name, shift(&x, dx), shift(&y, dy)));
     // The edge that is nearest in pixels: g and its slopes across and down.
     let nearest = code.var("nearest_edge", Ty::F32, 2.0);
     let value = code.var("edge", Ty::F32, 1.0);

@@ -1,6 +1,7 @@
 //! Raymarching: one ray per sample, front to back.
 
 mod edges;
+mod march;
 mod matter;
 mod project;
 mod rays;
@@ -271,10 +272,10 @@ fn edged_entry(
 ) -> crate::program::kernel::Function {
     let mut code = Code::new("draw", None);
     let Pixel { x, y, record } = pixel(builder, &mut code);
-    let projection = scene.camera.projection;
+    let camera = rays::Camera::new(builder, scene.camera.projection);
     let centre = (x + 0.5, y + 0.5);
     let centre = (code.bind("center_x", Ty::F32, centre.0), code.bind("center_y", Ty::F32, centre.1));
-    let division = edges::divide(&scene.graph, builder, &mut code, projection, primitives, centre.clone());
+    let division = edges::divide(&scene.graph, builder, &mut code, &camera, primitives, centre.clone());
     let Some(edges::Division { covered, inner, outer, divided }) = division else {
         return code.finish(None);
     };
@@ -284,7 +285,7 @@ fn edged_entry(
     let at_y = code.var("at_y", Ty::F32, centre.1.clone() + inner.1);
     let side = code.var("side_of_edge", Ty::U32, 0u32);
     code.open();
-    let start = rays::camera(builder, &mut code, projection, at_x.into(), at_y.into());
+    let start = camera.ray(&mut code, "ray", at_x.into(), at_y.into());
     let result = builder.result_of(traced.function);
     let ray = code.bind("traced", result, rays::call(traced.function, &start));
     sums.add(&mut code, traced, &ray, &weight.into());
@@ -315,10 +316,10 @@ fn camera_entry(
 ) -> crate::program::kernel::Function {
     let mut code = Code::new("draw", None);
     let Pixel { x, y, record } = pixel(builder, &mut code);
-    let projection = scene.camera.projection;
+    let camera = rays::Camera::new(builder, scene.camera.projection);
     let result = builder.result_of(traced.function);
     if samples == 1 {
-        let start = rays::camera(builder, &mut code, projection, x + 0.5, y + 0.5);
+        let start = camera.ray(&mut code, "ray", x + 0.5, y + 0.5);
         let traced_ray = code.bind("traced", result, rays::call(traced.function, &start));
         let values: Vec<Expr> = (0..traced.fields.len() as u32).map(|i| traced_ray.clone().field(i)).collect();
         store(builder, &mut code, &widths(traced), &values, &record, stride);
@@ -329,7 +330,7 @@ fn camera_entry(
     code.open();
     code.break_if(Expr::Local(index).greater_equal(f64::from(samples)));
     let (dx, dy) = rays::sample_offset(&mut code, index.into(), samples);
-    let start = rays::camera(builder, &mut code, projection, x + dx, y + dy);
+    let start = camera.ray(&mut code, "ray", x + dx, y + dy);
     let ray = code.bind("traced", result, rays::call(traced.function, &start));
     sums.add(&mut code, traced, &ray, &Expr::F32(1.0 / f64::from(samples)));
     code.add(index, 1.0);

@@ -13,8 +13,34 @@ pub(super) struct Start {
     pub(super) from: Expr,
 }
 
-/// Writes the ray through the point (x, y) of the picture, in pixels from the top left corner.
-pub(super) fn camera(builder: &mut KernelBuilder, code: &mut Code, projection: Projection, x: Expr, y: Expr) -> Start {
+/// The function `camera_ray(x, y)`: the ray through a point of the picture, in pixels from the top left corner.
+pub(super) struct Camera {
+    function: FunctionId,
+    result: Ty,
+}
+
+impl Camera {
+    pub(super) fn new(builder: &mut KernelBuilder, projection: Projection) -> Self {
+        let fields = [("origin", Ty::VEC3), ("direction", Ty::VEC3), ("from_t", Ty::F32)];
+        let result = builder.add_struct("CameraRay", fields.map(|(n, ty)| (n.to_owned(), ty)).into());
+        let mut code = Code::new("camera_ray", None);
+        let x = code.parameter("x", Ty::F32);
+        let y = code.parameter("y", Ty::F32);
+        let start = camera(builder, &mut code, projection, x, y);
+        code.return_(Expr::Compose(result, vec![start.origin, start.direction, start.from]));
+        let function = builder.add_function(code.finish(Some(result)));
+        Self { function, result }
+    }
+
+    /// Calls it.
+    pub(super) fn ray(&self, code: &mut Code, name: &str, x: Expr, y: Expr) -> Start {
+        let ray = code.bind(name, self.result, Expr::Call(self.function, vec![x, y]));
+        Start { origin: ray.clone().field(0), direction: ray.clone().field(1), from: ray.field(2) }
+    }
+}
+
+/// Writes the ray through the point (x, y).
+fn camera(builder: &mut KernelBuilder, code: &mut Code, projection: Projection, x: Expr, y: Expr) -> Start {
     let size = builder.frame(FrameValue::ImageSize).convert(crate::program::kernel::Prim::F32);
     let size = code.bind("size", Ty::float(2), size);
     let (width, height) = (size.clone().component(0), size.component(1));

@@ -7,19 +7,15 @@
 //!
 //! Optical depths are summed and never multiplied up as transmittances, so that nothing underflows early.
 
+use super::march::OPAQUE;
 use super::matter::{Matter, Scene};
 use super::project::Projected;
 use super::shapes::{FAR, Ray, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
-use crate::analysis::feature::{feature_length, lipschitz};
+use crate::analysis::feature::lipschitz;
 use crate::fields::{Code, FieldFunction, Helper, KernelBuilder, Writer, field_function};
 use crate::ir::{Composite, Graph, Input, NodeId, PrimitiveKind, Tier};
 use crate::program::kernel::{BinaryOp, Expr, FunctionId, LocalId, Math, Prim, Ty};
-use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
-
-/// Beyond this optical depth e^(−τ) is 0 in f32.
-const OPAQUE: f64 = 104.0;
-/// Share of `accuracy` that step control spends; the rest is left for rounding and early exit.
-const SHARE: f64 = 0.5;
+use crate::program::{Fault, Ledger, OutputKind, StepRule};
 
 /// What a traced ray returns, and where in the struct.
 pub(super) struct Traced {
@@ -79,9 +75,9 @@ pub(super) struct Tracer<'a> {
 
 /// Variables of the function.
 pub(super) struct State {
-    depth: Option<LocalId>,
-    radiance: Option<LocalId>,
-    error: Option<LocalId>,
+    pub(super) depth: Option<LocalId>,
+    pub(super) radiance: Option<LocalId>,
+    pub(super) error: Option<LocalId>,
     pub(super) work: Option<LocalId>,
     fault: Option<LocalId>,
     fault_at: Option<LocalId>,
@@ -89,16 +85,16 @@ pub(super) struct State {
 }
 
 /// A sample of all media at a point.
-struct Sampled {
-    extinction: Option<Expr>,
-    emission: Option<Expr>,
+pub(super) struct Sampled {
+    pub(super) extinction: Option<Expr>,
+    pub(super) emission: Option<Expr>,
 }
 
-fn largest(value: Expr, width: u8) -> Expr {
+pub(super) fn largest(value: Expr, width: u8) -> Expr {
     (1..width).fold(value.clone().component_if(width, 0), |m, i| m.max(value.clone().component(i)))
 }
 
-fn least(value: Expr, width: u8) -> Expr {
+pub(super) fn least(value: Expr, width: u8) -> Expr {
     (1..width).fold(value.clone().component_if(width, 0), |m, i| m.min(value.clone().component(i)))
 }
 
@@ -112,12 +108,12 @@ impl ComponentIf for Expr {
     }
 }
 
-fn widen(value: Expr, from: u8, to: u8) -> Expr {
+pub(super) fn widen(value: Expr, from: u8, to: u8) -> Expr {
     if from == to { value } else { value.splat(to) }
 }
 
 impl Tracer<'_> {
-    fn wants(&self, kind: OutputKind) -> bool {
+    pub(super) fn wants(&self, kind: OutputKind) -> bool {
         self.wanted.contains(&kind)
     }
 
@@ -439,7 +435,7 @@ impl Tracer<'_> {
         Some((-Expr::Local(depth)).exp())
     }
 
-    fn weighted(&self, state: &State, light: Expr, width: u8) -> Expr {
+    pub(super) fn weighted(&self, state: &State, light: Expr, width: u8) -> Expr {
         let to = self.scene.light_width;
         let light = widen(light, width, to);
         match self.transmittance(state) {
@@ -448,7 +444,7 @@ impl Tracer<'_> {
         }
     }
 
-    fn attenuated(&mut self, code: &mut Code, x: Expr, width: u8) -> Expr {
+    pub(super) fn attenuated(&mut self, code: &mut Code, x: Expr, width: u8) -> Expr {
         if width == 1 {
             return self.builder.call(self.graph, Helper::Attenuated, [x]);
         }
@@ -579,7 +575,7 @@ impl Tracer<'_> {
     }
 
     /// Evaluates all media at a distance along the ray.
-    fn sample(
+    pub(super) fn sample(
         &mut self,
         code: &mut Code,
         ray: &Ray,
@@ -621,7 +617,7 @@ impl Tracer<'_> {
         Sampled { extinction: bind(code, extinction, "k_t", dw), emission: bind(code, emission, "k_e", lw) }
     }
 
-    fn emission_width(&self) -> u8 {
+    pub(super) fn emission_width(&self) -> u8 {
         self.scene.matter.iter().map(|m| self.width(m.emission)).max().unwrap_or(1)
     }
 
@@ -693,237 +689,6 @@ impl Tracer<'_> {
             .zip(&medium.checks_at)
             .find(|(_, c)| c.0 == at)
             .map_or(1, |(c, _)| self.graph.width(c.node))
-    }
-
-    /// Steps through a segment in which something varies.
-    fn march(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
-        let length = code.bind("length", Ty::F32, segment.b.clone() - segment.a.clone());
-        let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
-        match self.rule {
-            StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
-            StepRule::Closed | StepRule::Adaptive(_) => {
-                self.march_adaptive(code, state, media, segment, &length, &reach);
-            }
-        }
-    }
-
-    fn march_fixed(
-        &mut self,
-        code: &mut Code,
-        state: &State,
-        media: &[Medium<'_>],
-        segment: &Segment,
-        length: &Expr,
-        reach: &Expr,
-    ) {
-        let (ray, a) = (&segment.ray, &segment.a);
-        let steps = self.builder.frame(FrameValue::Steps).convert(Prim::F32);
-        let share = Expr::math(Math::Ceil, [steps * (length.clone() / reach.clone()) - 1e-4]);
-        let count = code.bind("count", Ty::F32, share.max(1.0));
-        let h = code.bind("h", Ty::F32, length.clone() / count.clone());
-        let i = code.var("step", Ty::F32, 0.0);
-        code.open();
-        code.break_if(Expr::Local(i).greater_equal(count));
-        let t = a.clone() + (Expr::Local(i) + 0.5) * h.clone();
-        let sampled = self.sample(code, ray, state, media, t, "mid");
-        let (x, light) = self.step(code, &sampled, &h, "");
-        if let (Some(radiance), Some(light)) = (state.radiance, light) {
-            let light = self.weighted(state, light, self.scene.light_width);
-            code.add(radiance, light);
-        }
-        if let (Some(depth), Some(x)) = (state.depth, x) {
-            code.add(depth, x);
-        }
-        code.add(i, 1.0);
-        if let Some(work) = state.work {
-            code.add(work, 1u32);
-        }
-        if let (Some(depth), false) = (state.depth, self.wants(OutputKind::OpticalDepth)) {
-            code.break_if(least(depth.into(), self.scene.depth_width).greater(OPAQUE));
-        }
-        let block = code.close();
-        code.push_loop(block);
-    }
-
-    /// The exact exponential over a step with constant coefficients: optical depth, and light in the width of radiance.
-    fn step(&mut self, code: &mut Code, sampled: &Sampled, h: &Expr, tag: &str) -> (Option<Expr>, Option<Expr>) {
-        let (dw, ew, lw) = (self.scene.depth_width, self.emission_width(), self.scene.light_width);
-        let x =
-            sampled.extinction.clone().map(|k| code.bind(&format!("x{tag}"), Ty::float(dw), k * h.clone().splat(dw)));
-        let light = sampled.emission.clone().map(|e| {
-            let light = widen(e * h.clone().splat(ew), ew, lw);
-            let light = match &x {
-                Some(x) => {
-                    let mean = self.attenuated(code, x.clone(), dw);
-                    light * widen(mean, dw, lw)
-                }
-                None => light,
-            };
-            code.bind(&format!("light{tag}"), Ty::float(lw), light)
-        });
-        (x, light)
-    }
-
-    /// Longest step: a third of it must see the smallest cell of anything piecewise.
-    fn longest_step(&self, length: &Expr) -> Expr {
-        let roots: Vec<NodeId> =
-            self.scene.matter.iter().filter(|m| m.varying).flat_map(|m| [m.extinction, m.emission]).flatten().collect();
-        match feature_length(self.graph, &roots) {
-            Some(cell) => (length.clone() * (1.0 / 8.0)).min(2.0 * cell),
-            None => length.clone() * (1.0 / 32.0),
-        }
-    }
-
-    fn march_adaptive(
-        &mut self,
-        code: &mut Code,
-        state: &State,
-        media: &[Medium<'_>],
-        segment: &Segment,
-        length: &Expr,
-        reach: &Expr,
-    ) {
-        let (ray, a) = (&segment.ray, &segment.a);
-        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
-        let accuracy = self.builder.frame(FrameValue::Accuracy);
-        let white = self.builder.frame(FrameValue::White);
-        let cap = self.builder.frame(FrameValue::MaxWork);
-        let longest = self.longest_step(length);
-        let longest = code.bind("longest", Ty::F32, longest);
-        let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
-        // Distance from the start of the segment.
-        let s = code.var("s", Ty::F32, 0.0);
-        let h = code.var("h", Ty::F32, longest.clone());
-        code.open();
-        let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
-        code.break_if(rest.clone().less_equal(0.0));
-        // The last step takes what is left, so that no sliver remains.
-        let last = code.bind("last", Ty::BOOL, (Expr::Local(h) * 1.001).greater_equal(rest.clone()));
-        let step = code.bind("step", Ty::F32, last.clone().select(rest, h));
-        let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
-        let whole = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.5, "mid");
-        let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
-        let second = self.sample(code, ray, state, media, from + step.clone() * 0.75, "second");
-        if let Some(work) = state.work {
-            code.add(work, 3u32);
-        }
-        let half = code.bind("half", Ty::F32, step.clone() * 0.5);
-        let (x_whole, light_whole) = self.step(code, &whole, &step, "_mid");
-        let (x_first, light_first) = self.step(code, &first, &half, "_first");
-        let (x_second, light_second) = self.step(code, &second, &half, "_second");
-        let x = match (&x_first, &x_second) {
-            (Some(a), Some(b)) => Some(code.bind("x", Ty::float(dw), a.clone() + b.clone())),
-            _ => None,
-        };
-        let front = state.depth.map(|d| code.bind("front", Ty::float(dw), (-Expr::Local(d)).exp()));
-        let mut wrong: Vec<Expr> = vec![];
-        let mut light_gain = None;
-        if let (Some(whole), Some(first), Some(second)) = (light_whole, light_first, light_second) {
-            let behind = match &x_first {
-                Some(x) => widen((-x.clone()).exp(), dw, lw) * second,
-                None => second,
-            };
-            let both = code.bind("light", Ty::float(lw), first + behind);
-            let weight = front.clone().map_or(Expr::F32(1.0).splat(lw), |f| widen(f, dw, lw));
-            let gain = code.bind("gain", Ty::float(lw), weight.clone() * both.clone());
-            let off = code.bind("light_error", Ty::F32, largest(weight * (both - whole).abs(), lw));
-            light_gain = Some(gain.clone());
-            // Light this step may be wrong by: its share of A·max(W, L), or A of what it adds itself.
-            let radiance = state.radiance.expect("there is light to add");
-            let so_far = largest(Expr::Local(radiance) + gain.clone(), lw);
-            let share = white.clone().max(so_far) * (step.clone() / reach.clone());
-            let allowed = accuracy.clone() * SHARE * share.max(least(gain, lw));
-            wrong.push(off.clone() / allowed.max(1e-37));
-            if let Some(error) = state.error {
-                code.set_later(error, off);
-            }
-        }
-        if let (Some(x), Some(whole), Some(front)) = (&x, x_whole, &front) {
-            let off = code.bind("depth_off", Ty::float(dw), (x.clone() - whole.clone()).abs());
-            // Through the thinner of the two estimates, what lies behind is seen.
-            let seen = front.clone() * (-x.clone().min(whole)).exp() * off.clone().min(Expr::F32(1.0).splat(dw));
-            let seen = code.bind("seen_error", Ty::F32, largest(seen, dw));
-            let allowed = accuracy.clone() * SHARE * (step.clone() / reach.clone());
-            wrong.push(seen.clone() / allowed.max(1e-37));
-            if self.wants(OutputKind::OpticalDepth) {
-                let depth = state.depth.expect("there is depth to add");
-                let share = x.clone().max(Expr::Local(depth) * (step.clone() / reach.clone()).splat(dw));
-                let relative = off / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
-                wrong.push(largest(relative, dw));
-            }
-            if let Some(error) = state.error {
-                let behind = match state.radiance {
-                    Some(radiance) => white.clone().max(largest(radiance.into(), lw)),
-                    None => white.clone(),
-                };
-                code.set_later(error, seen * behind);
-            }
-        }
-        let pending = code.take_later();
-        let wrong = wrong.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
-        let wrong = code.bind("excess", Ty::F32, wrong);
-        let spent = match state.work {
-            Some(work) => Expr::Local(work).greater_equal(cap),
-            None => Expr::Bool(false),
-        };
-        let spent = code.bind("spent", Ty::BOOL, spent);
-        // Both errors fall as h³ and their shares as h: the step that would just do is h/√excess.
-        let factor = Expr::F32(0.9) / wrong.clone().max(1e-6).sqrt();
-        let factor = Expr::math(Math::Clamp, [factor, Expr::F32(0.2), Expr::F32(3.0)]);
-        let wanted = code.bind("wanted", Ty::F32, step.clone() * factor);
-        let accept = wrong.less_equal(1.0).or(step.clone().less_equal(shortest.clone())).or(spent.clone());
-        code.open();
-        if let (Some(radiance), Some(gain)) = (state.radiance, light_gain) {
-            code.add(radiance, gain);
-        }
-        if let (Some(depth), Some(x)) = (state.depth, x) {
-            code.add(depth, x);
-        }
-        for (error, amount) in pending {
-            code.add(error, amount);
-        }
-        code.add(s, step);
-        code.break_if(last);
-        self.early_exit(code, state);
-        code.open();
-        // Out of work: the rest is taken in one step, whose error stands in the report.
-        code.set(h, length.clone());
-        let give_up = code.close();
-        code.push_if(spent.clone(), give_up);
-        let taken = code.close();
-        code.push_if(accept, taken);
-        let next = Expr::math(Math::Clamp, [wanted, shortest, longest]);
-        code.set(h, spent.select(length.clone(), next));
-        let block = code.close();
-        code.push_loop(block);
-    }
-
-    /// Leaves the loop when nothing behind can be seen any more, and adds what that may cost to the error.
-    fn early_exit(&mut self, code: &mut Code, state: &State) {
-        let (Some(depth), false) = (state.depth, self.wants(OutputKind::OpticalDepth)) else { return };
-        let thin = code.bind("thinnest", Ty::F32, least(depth.into(), self.scene.depth_width));
-        match self.brightest() {
-            // Every source function behind is at most this bright.
-            Some(bound) if state.error.is_some() => {
-                let accuracy = self.builder.frame(FrameValue::Accuracy);
-                let white = self.builder.frame(FrameValue::White);
-                let rest = code.bind("rest_bound", Ty::F32, (-thin.clone()).exp() * bound.max(1e-30));
-                let transparent = (-thin.clone()).exp().less(accuracy.clone() * 0.05);
-                let dim = rest.clone().less(accuracy * 0.05 * white);
-                code.open();
-                code.add(state.error.expect("checked above"), rest);
-                code.break_();
-                let leave = code.close();
-                code.push_if(dim.and(transparent), leave);
-                code.break_if(thin.greater(OPAQUE));
-            }
-            _ => code.break_if(thin.greater(OPAQUE)),
-        }
-    }
-
-    /// An upper bound of all source functions k_e/k_t, if one is known.
-    fn brightest(&self) -> Option<f64> {
-        self.scene.matter.iter().map(|m| m.source_bound).try_fold(0.0f64, |a, b| Some(a.max(b?)))
     }
 
     /// Radiance of the background, in the width of light.

@@ -129,16 +129,7 @@ impl Checker<'_> {
 
     fn style_name(&mut self, property: &Property) -> bool {
         let module = self.modules.module(ModuleId::SCENE);
-        let is_style = |item: &ast::Item| {
-            if let ast::ItemKind::Block(b) = &item.kind
-                && b.kind == BlockKind::Style
-            {
-                b.name.as_ref().map(|n| n.text.as_str())
-            } else {
-                None
-            }
-        };
-        let styles: Vec<&str> = module.tree.items.iter().filter_map(is_style).collect();
+        let styles: Vec<&str> = module.tree.items.iter().filter_map(style_of).collect();
         let text = self.snippet(property.value.span);
         if matches!(property.value.kind, ExprKind::Name(_)) && styles.contains(&text.as_str()) {
             return true;
@@ -185,4 +176,10 @@ impl Checker<'_> {
         self.wrong_word(property, "text", &known);
         false
     }
+}
+
+/// The name of an item that is a style.
+fn style_of(item: &ast::Item) -> Option<&str> {
+    let ast::ItemKind::Block(block) = &item.kind else { return None };
+    if block.kind == BlockKind::Style { block.name.as_ref().map(|n| n.text.as_str()) } else { None }
 }

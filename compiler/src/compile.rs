@@ -1,0 +1,102 @@
+//! The whole way from text to program.
+
+use crate::backends::REGISTRY;
+use crate::check::hir;
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::ir::{Backend, FieldScene, Scattering};
+use crate::loader::Loader;
+use crate::program::{Ledger, Program};
+use crate::source::Sources;
+use crate::{Compilation, Options, lower, passes, resolve};
+
+/// Reads and checks a scene: all findings, and the checked scene when there is no error.
+pub fn check_scene(name: &str, text: &str, loader: &dyn Loader) -> (Sources, Diagnostics, Option<hir::Scene>) {
+    let mut sources = Sources::default();
+    let mut diagnostics = Diagnostics::default();
+    let modules = resolve::load(name, text, loader, &mut sources, &mut diagnostics);
+    let scene = crate::check::check(&modules, loader, &mut diagnostics);
+    (sources, diagnostics, scene)
+}
+
+/// Finds all that can be said about a scene without drawing it: what `vol check` prints.
+pub fn check(name: &str, text: &str, loader: &dyn Loader) -> Compilation {
+    compile(name, text, loader, &Options::default())
+}
+
+/// Compiles a scene. `name` is what diagnostics call it; files it names are found relative to it, through the loader.
+pub fn compile(name: &str, text: &str, loader: &dyn Loader, options: &Options) -> Compilation {
+    let (sources, mut diagnostics, scene) = check_scene(name, text, loader);
+    let program = scene.filter(|_| !diagnostics.has_errors()).and_then(|scene| build(&scene, options, &mut diagnostics));
+    Compilation { sources, diagnostics, program }
+}
+
+fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -> Option<Program> {
+    for finding in lower::pending(scene).0 {
+        // An explicit choice of backend takes the place of the scene's.
+        if !(options.backend.is_some() && matches!(finding.code, "E0905" | "E0906")) {
+            diagnostics.push(finding);
+        }
+    }
+    let mut lowered = lower::lower_scaled(scene, diagnostics)?;
+    if diagnostics.has_errors() {
+        return None;
+    }
+    apply(options, &mut lowered);
+    let mut ledger = Ledger::default();
+    note_features(scene, &lowered, &mut ledger);
+    let mut optimised = passes::optimise(&lowered, &mut ledger);
+    let wanted = match lowered.render.backend {
+        Backend::Auto => Backend::Raymarch,
+        other => other,
+    };
+    let Some((_, _, build)) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted) else {
+        let there: Vec<&str> = REGISTRY.iter().map(|b| b.1).collect();
+        let message = format!("the backend `{wanted:?}` is not there yet").to_lowercase();
+        diagnostics.push(Diagnostic::error("E0905", message).hint(format!("there is `{}`", there.join("`, `"))));
+        return None;
+    };
+    let (kernels, plan) = build(&mut optimised, options, &mut ledger, diagnostics)?;
+    if diagnostics.has_errors() {
+        return None;
+    }
+    Some(Program { lowered, optimised, kernels, plan, ledger })
+}
+
+/// Options change the schedule of both copies alike, before anything is built on it.
+fn apply(options: &Options, scene: &mut FieldScene) {
+    let render = &mut scene.render;
+    render.backend = options.backend.unwrap_or(render.backend);
+    render.scattering = options.scattering.unwrap_or(render.scattering);
+    if let Some(accuracy) = options.accuracy {
+        render.accuracy = accuracy;
+        render.steps = None;
+    }
+    render.steps = options.steps.or(render.steps);
+    scene.image.size = options.size.unwrap_or(scene.image.size);
+    scene.image.aa = options.aa.unwrap_or(scene.image.aa);
+}
+
+/// Notes the parts of the language that this scene does without.
+fn note_features(scene: &hir::Scene, lowered: &FieldScene, ledger: &mut Ledger) {
+    if scene.lights.is_empty() {
+        ledger.omit("loop over lights", "the scene has no light", None);
+    }
+    match lowered.render.scattering {
+        Scattering::None if scene.media.iter().all(|m| m.k_s.is_none()) => {
+            ledger.omit("phase functions and shadow rays", "no medium scatters", None);
+        }
+        Scattering::None => {
+            ledger.omit("phase functions and shadow rays", "`scattering` is `none`", scene.render.span);
+        }
+        Scattering::Single | Scattering::Multiple => {}
+    }
+    if scene.surfaces.is_empty() {
+        ledger.omit("surfaces", "the scene has none", None);
+    }
+    if scene.pending.is_empty() {
+        ledger.omit("glyph atlas and splat sorting", "the scene has no text and no splats", None);
+    }
+    if lowered.bands.count() == 1 {
+        ledger.omit("vectors of bands", "there is one band", scene.image.span);
+    }
+}
