@@ -2,7 +2,7 @@
 //!
 //! A value that is not finite stays an operation: what reaches a picture is checked there and reported with its place.
 
-use crate::ir::eval::{binary, cell_hash, compare, unary};
+use crate::ir::eval::{Tables, binary, cell_hash, compare, evaluate_with, unary};
 use crate::ir::{Binary, Constant, Graph, NodeId, Op, Unary};
 
 pub(super) fn rule(graph: &mut Graph, op: &Op) -> Option<NodeId> {
@@ -51,8 +51,36 @@ pub(super) fn rule(graph: &mut Graph, op: &Op) -> Option<NodeId> {
         | Op::Sample { .. }
         | Op::SampleGradient { .. }
         | Op::Lookup { .. }
-        | Op::LookupSlope { .. }
-        | Op::Reduce { .. } => return None,
+        | Op::LookupSlope { .. } => return None,
+        Op::Reduce { .. } => return constant_loop(graph, op),
     };
     values.iter().all(|v| v.is_finite()).then(|| graph.vector(&values))
+}
+
+/// A loop over constants alone is run here.
+fn constant_loop(graph: &mut Graph, op: &Op) -> Option<NodeId> {
+    let Op::Reduce { depth, body, .. } = *op else { return None };
+    let mut seen = rustc_hash::FxHashSet::default();
+    let mut stack = vec![(body, 1u16 << depth)];
+    while let Some((id, bound)) = stack.pop() {
+        if !seen.insert((id, bound)) {
+            continue;
+        }
+        let inner = match *graph.op(id) {
+            Op::LoopVar(d) if bound & (1 << d) == 0 => return None,
+            Op::Reduce { depth, .. } => bound | 1 << depth,
+            Op::Input(_)
+            | Op::Param(_)
+            | Op::Sample { .. }
+            | Op::SampleGradient { .. }
+            | Op::Lookup { .. }
+            | Op::LookupSlope { .. } => return None,
+            _ => bound,
+        };
+        Graph::operands(graph.op(id), |a| stack.push((a, inner)));
+    }
+    // The loop itself is added for a moment, so that the evaluator can run it.
+    let id = graph.push(*op);
+    let value = evaluate_with(graph, &[id], &[], 0.0, &Tables::default()).remove(0);
+    value.iter().all(|v| v.is_finite()).then(|| graph.vector(&value))
 }
