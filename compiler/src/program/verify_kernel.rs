@@ -444,3 +444,182 @@ fn returns(body: &[Stmt]) -> bool {
         Stmt::Let(..) | Stmt::Var(..) | Stmt::Assign(..) | Stmt::Store { .. } | Stmt::Break | Stmt::Continue => false,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::{FunctionId, Local, Resource, Struct};
+    use super::*;
+
+    /// A kernel that binds one expression of a type, in a world with one of everything.
+    fn binding(ty: Ty, e: Expr) -> Kernel {
+        with_body(vec![("x", ty)], vec![Stmt::Let(LocalId(0), e)])
+    }
+
+    fn with_body(locals: Vec<(&str, Ty)>, body: Vec<Stmt>) -> Kernel {
+        let local = |(name, ty): (&str, Ty)| Local { name: name.into(), ty, origin: None };
+        let square = Function {
+            name: "square".into(),
+            parameters: vec![("a".into(), Ty::F32)],
+            result: Some(Ty::F32),
+            body: vec![Stmt::Return(Some(Expr::Argument(0) * Expr::Argument(0)))],
+            ..Function::default()
+        };
+        Kernel {
+            name: "k".into(),
+            workgroup: [64, 1, 1],
+            structs: vec![Struct { name: "Frame".into(), fields: vec![("a".into(), Ty::F32), ("b".into(), Ty::VEC3)] }],
+            resources: vec![
+                Resource { name: "frame".into(), kind: ResourceKind::Uniform(0) },
+                Resource { name: "out".into(), kind: ResourceKind::WriteBuffer(Ty::F32) },
+                Resource { name: "voxels".into(), kind: ResourceKind::Texture3d(Prim::U32) },
+            ],
+            functions: vec![square],
+            entry: Function {
+                name: "entry".into(),
+                locals: locals.into_iter().map(local).collect(),
+                body,
+                ..Function::default()
+            },
+        }
+    }
+
+    fn refused(kernel: &Kernel, what: &str) {
+        let message = verify(kernel).expect_err(what);
+        assert!(message.contains(what), "`{message}` does not say `{what}`");
+        // What the verifier refuses never reaches naga, and never panics.
+        assert_eq!(crate::emit::emit(kernel).err(), Some(crate::emit::EmitError::Kernel(message)));
+    }
+
+    #[test]
+    fn expressions_have_their_types() {
+        let f = || Expr::Uniform(0);
+        let v = || Expr::Uniform(1);
+        let three = Ty::VEC3;
+        for (ty, e, what) in [
+            (Ty::F32, Expr::U32(1), "`x`: expected f32, not u32"),
+            (Ty::F32, v(), "expected f32, not vec3<f32>"),
+            (three, f() * v(), "Mul of f32 and vec3<f32>"),
+            (Ty::F32, f() + 1u32, "Add of f32 and u32"),
+            (Ty::F32, Expr::unary(UnaryOp::Not, f()), "Not of f32"),
+            (Ty::U32, Expr::unary(UnaryOp::Neg, Expr::U32(1)), "Neg of u32"),
+            (Ty::BOOL, v().less(v()).and(v().less(v())), "And of vec3<bool>"),
+            (Ty::F32, Expr::binary(BinaryOp::BitAnd, f(), f()), "BitAnd of f32"),
+            (Ty::I32, Expr::binary(BinaryOp::ShiftLeft, Expr::I32(1), Expr::I32(1)), "ShiftLeft of i32 and i32"),
+            (Ty::U32, Expr::binary(BinaryOp::ShiftLeft, Expr::U32(1), 32u32), "at most 31"),
+            (Ty::F32, Expr::math(Math::Sqrt, [Expr::U32(2)]), "Sqrt of (u32)"),
+            (Ty::F32, Expr::math(Math::Max, [f()]), "Max of (f32)"),
+            (Ty::F32, Expr::Math(Math::Abs, vec![]), "Abs of ()"),
+            (three, Expr::math(Math::Clamp, [v(), f(), f()]), "Clamp of (vec3<f32>, f32, f32)"),
+            (Ty::F32, f().dot(f()), "Dot of (f32, f32)"),
+            (three, Expr::Compose(three, vec![f(), f()]), "from 2 parts"),
+            (three, Expr::Compose(three, vec![f(), f(), Expr::I32(1)]), "part 2 of vec3<f32> should be f32, not i32"),
+            (Ty::Value(Prim::F32, 5), f(), "5 components"),
+            (Ty::F32, v().component(3), "component 3 of vec3<f32>"),
+            (Ty::F32, f().component(0), "component 0 of f32"),
+            (Ty::F32, f().field(0), "field 0 of f32"),
+            (Ty::F32, Expr::Compose(Ty::Struct(0), vec![f(), v()]).field(2), "field 2 of Frame"),
+            (Ty::Struct(4), f(), "there is no struct 4"),
+            (three, Expr::Splat(Box::new(v()), 3), "splat of vec3<f32>"),
+            (three, v().less(v()).select(v(), v()), "condition of a select should be bool"),
+            (Ty::F32, Expr::Bool(true).select(f(), Expr::I32(0)), "both sides of a select"),
+            (Ty::BOOL, f().bitcast(Prim::Bool), "bitcast of f32 to Bool"),
+            (Ty::F32, Expr::Call(FunctionId(0), vec![]), "with 0 arguments instead of 1"),
+            (Ty::F32, Expr::Call(FunctionId(0), vec![v()]), "argument `a` of `square` should be f32"),
+            (Ty::F32, Expr::Call(FunctionId(1), vec![f()]), "calls function 1, which is not before it"),
+            (Ty::F32, Expr::Argument(0), "there is no argument 0"),
+            (Ty::F32, Expr::Uniform(2), "there is no uniform field 2"),
+            (Ty::F32, Expr::Load(2, Box::new(0u32.into())), "resource 2, which is not a buffer"),
+            (Ty::F32, Expr::Load(1, Box::new(Expr::I32(0))), "an index should be u32, not i32"),
+            (Ty::F32, Expr::TextureLoad(1, Box::new(Expr::I32(0).splat(3))), "which is not a texture"),
+            (Ty::F32, Expr::TextureLoad(2, Box::new(Expr::GlobalId)), "place should be vec3<i32>, not vec3<u32>"),
+            (Ty::F32, Expr::Local(LocalId(7)), "there is no local 7"),
+            (Ty::F32, Expr::Local(LocalId(0)), "`x` is read before it is declared"),
+        ] {
+            refused(&binding(ty, e), what);
+        }
+        assert_eq!(verify(&binding(Ty::F32, Expr::Call(FunctionId(0), vec![f()]))), Ok(()));
+    }
+
+    #[test]
+    fn statements_keep_their_scopes() {
+        let (a, b) = (LocalId(0), LocalId(1));
+        let two = || vec![("a", Ty::F32), ("b", Ty::F32)];
+        let yes = || Expr::Bool(true);
+        let one = || Expr::F32(1.0);
+        for (body, what) in [
+            (vec![Stmt::Let(a, one()), Stmt::Let(a, one())], "`a` is declared twice"),
+            (vec![Stmt::Let(a, one()), Stmt::Assign(a, one())], "assignment to `a`: it is not a variable in scope"),
+            (vec![Stmt::Assign(a, one())], "not a variable in scope"),
+            (vec![Stmt::If(yes(), vec![Stmt::Let(a, one())], vec![]), Stmt::Let(b, a.into())], "outside of its block"),
+            (vec![Stmt::If(yes(), vec![Stmt::Var(a, one())], vec![Stmt::Assign(a, one())])], "not a variable in scope"),
+            (vec![Stmt::If(one(), vec![], vec![])], "condition: expected bool, not f32"),
+            (vec![Stmt::Break], "outside of a loop"),
+            (vec![Stmt::Loop(vec![Stmt::Continue])], "a loop that nothing leaves"),
+            (vec![Stmt::Loop(vec![Stmt::Loop(vec![Stmt::Break])])], "a loop that nothing leaves"),
+            (vec![Stmt::Return(None), Stmt::Let(a, one())], "statement 1 of a block stands after one that leaves it"),
+            (vec![Stmt::Return(Some(one()))], "returns a value but has no result"),
+            (vec![Stmt::Store { buffer: 2, index: 0u32.into(), value: one() }], "not a write buffer"),
+            (vec![Stmt::Store { buffer: 1, index: one(), value: one() }], "index into `out`: expected u32"),
+            (vec![Stmt::Store { buffer: 1, index: 0u32.into(), value: yes() }], "store to `out`: expected f32"),
+        ] {
+            refused(&with_body(two(), body), what);
+        }
+        let fine = vec![
+            Stmt::Var(a, one()),
+            Stmt::Loop(vec![
+                Stmt::If(Expr::Local(a).greater(9.0), vec![Stmt::Break], vec![]),
+                Stmt::Let(b, Expr::Local(a) * 2.0),
+                Stmt::Assign(a, b.into()),
+            ]),
+        ];
+        assert_eq!(verify(&with_body(two(), fine)), Ok(()));
+    }
+
+    #[test]
+    fn functions_return_and_kernels_are_whole() {
+        let mut k = with_body(vec![], vec![]);
+        k.functions[0].body = vec![Stmt::If(Expr::Argument(0).less(0.0), vec![Stmt::Return(Some(1.0.into()))], vec![])];
+        refused(&k, "function `square`: a path ends without returning the result");
+        k.functions[0].body = vec![Stmt::Return(None)];
+        refused(&k, "returns without its result");
+        k.functions[0].body = vec![Stmt::Return(Some(Expr::Call(FunctionId(0), vec![Expr::Argument(0)])))];
+        refused(&k, "calls function 0, which is not before it");
+        k.functions[0].body = vec![Stmt::Return(Some(Expr::GlobalId.component(0).convert(Prim::F32)))];
+        refused(&k, "known to the entry point only");
+        k.functions[0].result = None;
+        refused(&k, "has no result");
+        let whole = || with_body(vec![], vec![]);
+        let mut k = whole();
+        k.workgroup = [64, 64, 1];
+        refused(&k, "workgroup size");
+        let mut k = whole();
+        k.structs[0].fields.clear();
+        refused(&k, "has no fields");
+        let mut k = whole();
+        k.structs[0].fields[0].1 = Ty::Struct(0);
+        refused(&k, "field `a` of struct `Frame` is not a value");
+        let mut k = whole();
+        k.structs[0].fields[0].1 = Ty::BOOL;
+        refused(&k, "field `a`: bool cannot live in a buffer");
+        let mut k = whole();
+        k.resources.push(k.resources[0].clone());
+        refused(&k, "more than one uniform struct");
+        let mut k = whole();
+        k.resources[2].kind = ResourceKind::Texture3d(Prim::Bool);
+        refused(&k, "texture `voxels` of bool");
+        let mut k = whole();
+        k.entry.parameters.push(("p".into(), Ty::F32));
+        refused(&k, "the entry point has parameters");
+    }
+
+    #[test]
+    fn nesting_has_a_limit() {
+        let deep = (0..500).fold(Expr::Uniform(0), |e, _| -e);
+        refused(&binding(Ty::F32, deep), "nested deeper");
+        let mut block = vec![];
+        for _ in 0..110 {
+            block = vec![Stmt::If(Expr::Bool(true), block, vec![])];
+        }
+        refused(&with_body(vec![], block), "blocks nested deeper");
+    }
+}
