@@ -455,7 +455,7 @@ fn the_uniform_layout_is_that_of_the_module() {
             };
             let offsets: Vec<u32> = members.iter().map(|m| m.offset).collect();
             assert_eq!(offsets, layout.fields.iter().map(|f| f.offset).collect::<Vec<_>>(), "{widths:?}");
-            assert!(layout.size % 16 == 0 && layout.size >= span && layout.size < span + 16);
+            assert!(layout.size.is_multiple_of(16) && layout.size >= span && layout.size < span + 16);
         }
     }
 }
