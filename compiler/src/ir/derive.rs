@@ -60,6 +60,9 @@ pub fn gradient_with(
     altitudes: &[(u32, NodeId)],
     budget: &mut Budget,
 ) -> Result<NodeId, Unsupported> {
+    if graph.ty(f) != Type::SCALAR {
+        return Err(Unsupported::Shape);
+    }
     let mut parts = [None; 3];
     for (axis, part) in parts.iter_mut().enumerate() {
         let mut unit = [0.0; 3];

@@ -39,27 +39,41 @@ pub fn schedule(graph: &Graph, roots: &[NodeId]) -> Vec<Step> {
 #[must_use]
 pub fn schedule_with(graph: &Graph, roots: &[NodeId], available: impl Fn(NodeId) -> bool) -> Vec<Step> {
     let free = free_variables(graph);
-    let done = graph.ids().map(available).collect();
-    let mut scope = Scope { graph, free: &free, done, steps: vec![] };
-    scope.run(roots);
-    scope.steps
+    let done = graph.ids().map(|id| available(id).then_some(0)).collect();
+    Scheduler { graph, free: &free, done, binders: [0; 16], entered: 0, log: vec![] }.scope(roots)
 }
 
-struct Scope<'a> {
+struct Scheduler<'a> {
     graph: &'a Graph,
+    /// The loop variables that each node leaves unbound, as bits.
     free: &'a [u16],
-    done: Vec<bool>,
-    steps: Vec<Step>,
+    /// For each node that has been evaluated, the youngest loop it depends on (0: none). It counts only as long as that
+    /// is still the youngest one: where a loop has bound one of its variables anew, it is evaluated anew.
+    done: Vec<Option<u32>>,
+    /// The loop that binds each variable now; loops are numbered from 1 as they are entered.
+    binders: [u32; 16],
+    entered: u32,
+    /// What to restore when the current loop is left.
+    log: Vec<(NodeId, Option<u32>)>,
 }
 
-impl Scope<'_> {
+impl Scheduler<'_> {
+    fn youngest(&self, id: NodeId) -> u32 {
+        let free = self.free[id.0 as usize];
+        (0..16).filter(|d| free & (1 << d) != 0).map(|d| self.binders[d as usize]).max().unwrap_or(0)
+    }
+
+    fn is_done(&self, id: NodeId) -> bool {
+        self.done[id.0 as usize] == Some(self.youngest(id))
+    }
+
     /// Schedules the roots in ascending order of ids, which is topological.
-    fn run(&mut self, roots: &[NodeId]) {
+    fn scope(&mut self, roots: &[NodeId]) -> Vec<Step> {
         let mut needed: Vec<NodeId> = vec![];
         let mut stack: Vec<NodeId> = roots.to_vec();
         let mut seen = rustc_hash::FxHashSet::default();
         while let Some(id) = stack.pop() {
-            if self.done[id.0 as usize] || !seen.insert(id) {
+            if self.is_done(id) || !seen.insert(id) {
                 continue;
             }
             needed.push(id);
@@ -70,36 +84,43 @@ impl Scope<'_> {
             }
         }
         needed.sort_unstable();
+        let mut steps = vec![];
         for id in needed {
-            self.done[id.0 as usize] = true;
             match *self.graph.op(id) {
                 Op::Reduce { depth, body, .. } => {
-                    // Inside, everything that varies with the variable is computed anew.
-                    let done = self
-                        .graph
-                        .ids()
-                        .map(|n| self.done[n.0 as usize] && self.free[n.0 as usize] & (1 << depth) == 0);
-                    let mut inner = Scope { graph: self.graph, free: self.free, done: done.collect(), steps: vec![] };
-                    inner.run(&[body]);
-                    self.steps.push(Step::Loop(id, inner.steps));
+                    self.entered += 1;
+                    let outer = std::mem::replace(&mut self.binders[depth as usize], self.entered);
+                    let log = std::mem::take(&mut self.log);
+                    let inner = self.scope(&[body]);
+                    for (id, before) in std::mem::replace(&mut self.log, log).into_iter().rev() {
+                        self.done[id.0 as usize] = before;
+                    }
+                    self.binders[depth as usize] = outer;
+                    steps.push(Step::Loop(id, inner));
                 }
-                _ => self.steps.push(Step::Node(id)),
+                _ => steps.push(Step::Node(id)),
             }
+            self.log.push((id, self.done[id.0 as usize]));
+            self.done[id.0 as usize] = Some(self.youngest(id));
         }
+        steps
     }
 
+    /// The nodes nearest to the body of a loop that depend neither on its variable nor on that of a loop within it.
     fn invariant_of(&self, depth: u8, body: NodeId, out: &mut Vec<NodeId>) {
-        let mut stack = vec![body];
+        let mut stack = vec![(body, 1u16 << depth)];
         let mut seen = rustc_hash::FxHashSet::default();
-        while let Some(id) = stack.pop() {
-            if !seen.insert(id) {
+        while let Some((id, bound)) = stack.pop() {
+            if !seen.insert((id, bound)) {
                 continue;
             }
-            if self.free[id.0 as usize] & (1 << depth) == 0 {
+            if self.free[id.0 as usize] & bound == 0 {
                 out.push(id);
-            } else {
-                Graph::operands(self.graph.op(id), |a| stack.push(a));
+                continue;
             }
+            let op = self.graph.op(id);
+            let bound = if let Op::Reduce { depth, .. } = op { bound | 1 << depth } else { bound };
+            Graph::operands(op, |a| stack.push((a, bound)));
         }
     }
 }

@@ -121,8 +121,21 @@ impl Tape {
     /// Compiles the evaluation of `roots`.
     #[must_use]
     pub fn new(graph: &Graph, roots: &[NodeId]) -> Self {
-        let mut builder =
-            Builder { graph, map: vec![None; graph.len()], constants: vec![], registers: 0, tables: false };
+        let mut variables = [None; 16];
+        for id in graph.ids() {
+            if let Op::LoopVar(depth) = graph.op(id) {
+                variables[*depth as usize] = Some(id);
+            }
+        }
+        let mut builder = Builder {
+            graph,
+            map: vec![None; graph.len()],
+            log: vec![],
+            variables,
+            constants: vec![],
+            registers: 0,
+            tables: false,
+        };
         let code = builder.steps(&schedule(graph, roots));
         let roots = roots.iter().map(|r| builder.get(*r)).collect();
         Self { code, constants: builder.constants, registers: builder.registers, roots, tables: builder.tables }
@@ -171,6 +184,10 @@ impl Tape {
 struct Builder<'a> {
     graph: &'a Graph,
     map: Vec<Option<Vec<Register>>>,
+    /// What to restore in the map when the current loop is left.
+    log: Vec<(NodeId, Option<Vec<Register>>)>,
+    /// The node of each loop variable.
+    variables: [Option<NodeId>; 16],
     constants: Vec<(Register, f64)>,
     registers: u32,
     tables: bool,
@@ -193,6 +210,11 @@ impl Builder<'_> {
         self.map[id.0 as usize].clone().expect("operands are scheduled first")
     }
 
+    fn set(&mut self, id: NodeId, registers: Vec<Register>) {
+        let before = self.map[id.0 as usize].replace(registers);
+        self.log.push((id, before));
+    }
+
     fn three(&self, id: NodeId) -> [Register; 3] {
         let r = self.get(id);
         [r[0], r[1], r[2]]
@@ -207,16 +229,17 @@ impl Builder<'_> {
                     let Op::Reduce { fold, depth, start, end, body } = *self.graph.op(*id) else { continue };
                     let variable = self.fresh(1);
                     // An inner loop may shadow what an outer one computed, so registers are restored afterwards.
-                    let saved = self.map.clone();
-                    let var = self.graph.ids().find(|n| *self.graph.op(*n) == Op::LoopVar(depth));
-                    if let Some(var) = var {
-                        self.map[var.0 as usize] = Some(vec![variable]);
+                    let log = std::mem::take(&mut self.log);
+                    if let Some(var) = self.variables[depth as usize] {
+                        self.set(var, vec![variable]);
                     }
                     let code_inside = self.steps(inner);
                     let body = self.get(body);
-                    self.map = saved;
+                    for (id, before) in std::mem::replace(&mut self.log, log).into_iter().rev() {
+                        self.map[id.0 as usize] = before;
+                    }
                     let out = self.fresh(body.len() as u8);
-                    self.map[id.0 as usize] = Some((out..out + body.len() as u32).collect());
+                    self.set(*id, (out..out + body.len() as u32).collect());
                     code.push(Instruction::Loop { start, end, fold, variable, code: code_inside, body, out });
                 }
             }
@@ -305,7 +328,7 @@ impl Builder<'_> {
                 range.collect()
             }
         };
-        self.map[id.0 as usize] = Some(registers);
+        self.set(id, registers);
     }
 }
 
