@@ -44,9 +44,9 @@ fn is(got: f64, expected: f64) {
 
 #[test]
 fn of_one_number() {
-    is(one(Builtin::Exp, 1.0), 2.718_281_828_459_045);
+    is(one(Builtin::Exp, 1.5), 4.481_689_070_338_065);
     is(one(Builtin::Expm1, 1e-12), 1.000_000_000_000_5e-12);
-    is(one(Builtin::Log, 10.0), 2.302_585_092_994_046);
+    is(one(Builtin::Log, 7.0), 1.945_910_149_055_313_2);
     is(one(Builtin::Log2, 8.0), 3.0);
     is(one(Builtin::Log10, 1000.0), 3.0);
     is(one(Builtin::Exp2, -1.5), 0.353_553_390_593_273_8);

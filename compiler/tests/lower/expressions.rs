@@ -130,7 +130,8 @@ fn loops_over_functions_of_their_variables() {
         result: number(),
         body,
     });
-    assert_eq!(density(&scene), [f64::from((0 + 1 + 2 + 3) * (0 + 1 + 2))]);
+    // (0 + 1 + 2 + 3) · (0 + 1 + 2)
+    assert_eq!(density(&scene), [18.0]);
     // A bound may be computed, even by a loop over constants.
     let bound = reduce(Fold::Product, 1, n(1.0), n(4.0), local(1, number()));
     assert_eq!(of(reduce(Fold::Max, 0, n(0.0), bound, local(0, number()))), 5.0);
