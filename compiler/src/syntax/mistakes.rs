@@ -79,6 +79,7 @@ pub(super) fn describe(scan: &Scan<'_>, tokens: Range<usize>, stop: &Stop, place
     }
     None.or_else(|| if place == Place::Use { Some(teller.import()) } else { None })
         .or_else(|| if place == Place::Rows { teller.row() } else { None })
+        .or_else(|| stop.wants(Rule::size_part).then(|| teller.size()))
         .or_else(|| teller.power())
         .or_else(|| teller.name_wanted())
         .or_else(|| teller.equals_wanted())
@@ -178,19 +179,19 @@ impl Teller<'_, '_> {
         }
         match self.found() {
             Some("=" | "=>" | "->") => Some(problem("a row's key is followed by `:`").note(form)),
-            Some(";") => Some(problem("nothing separates rows").hint("leave the `;` out")),
+            Some(";") => Some(problem("rows are not separated by `;`").hint("leave it out")),
             Some(",") if self.before().is_none_or(|b| scan.is(b, ",")) => {
                 Some(problem("a value must stand here").note(form))
             }
             Some(":") => {
                 let comma = (self.lo..self.at).rev().find(|i| scan.is(*i, ",") || scan.is(*i, ":"));
                 let comma = comma.filter(|i| scan.is(*i, ","))?;
-                let problem = Diagnostic::error("E0125", "nothing separates rows").at(scan.span(comma), "");
-                Some(problem.because(self.here(), "this makes what stands before it a key").hint("leave the comma out"))
+                let problem = Diagnostic::error("E0125", "rows are not separated by `,`").at(scan.span(comma), "");
+                Some(problem.because(self.here(), "this makes what stands before it a key").hint("leave it out"))
             }
             Some("+") => Some(
                 problem("keys and values of rows are products")
-                    .note("nothing separates rows, so a sum would run into the next key")
+                    .note("rows stand side by side, so a sum would run into the next key")
                     .hint("put the sum in parentheses"),
             ),
             _ if self.stop.wants(Rule::colon) => {
@@ -199,7 +200,7 @@ impl Teller<'_, '_> {
                 if let Some(minus) = minus {
                     let problem =
                         Diagnostic::error("E0125", "this minus sign starts a new row").at(scan.span(minus), "");
-                    let note = "nothing separates rows, so keys and values are products";
+                    let note = "rows stand side by side, so keys and values are products";
                     return Some(problem.note(note).hint("put the difference in parentheses"));
                 }
                 if self.before().is_some_and(|b| scan.kind(b) == Some(TokenKind::Number))
@@ -232,9 +233,10 @@ impl Teller<'_, '_> {
                 _ => problem,
             });
         }
-        let number = self.before().is_some_and(|b| scan.kind(b) == Some(TokenKind::Number) || scan.is(b, ")"));
-        if number && self.found().is_some_and(is_unit) && scan.is(self.at + 1, "^") {
-            let problem = Diagnostic::error("E0121", "a unit takes one power, a whole number").at(self.here(), "");
+        let second = self.at + 1;
+        let powered = self.before().is_some_and(|b| scan.is(b, "^") && b > self.lo && is_unit(scan.word(b - 1)));
+        if powered && second < self.hi && scan.is(second, "^") {
+            let problem = Diagnostic::error("E0121", "a unit takes one power").at(scan.span(second), "a second one");
             return Some(problem.hint("use parentheses to raise the quantity again, as in `(2 m^2)^3`"));
         }
         None
@@ -371,12 +373,15 @@ impl Teller<'_, '_> {
                     .note("`=` gives a name a value"),
             );
         }
-        let word_before = self.before().map_or("", |b| scan.word(b));
-        if self.before_ends_value() && self.at < self.hi && !self.found_is(&["{", ")", "]", "}", ",", ";", "?", ":"]) {
-            let property = scan.is_name(self.at) && scan.is(self.at + 1, "=");
-            if scan.word(self.at) != "else" && !property && word_before != "then" {
-                return None;
-            }
+        let misspelt_unit =
+            self.before().is_some_and(|b| scan.kind(b) == Some(TokenKind::Number)) && scan.is_name(self.at);
+        let property = scan.is_name(self.at) && scan.is(self.at + 1, "=");
+        if self.at < self.hi && !property && (misspelt_unit || is_unit(scan.word(self.at)) || !self.before_ends_value())
+        {
+            return None;
+        }
+        if self.found_is(&["(", "[", ".", "::", "=>", "->", ".."]) {
+            return None;
         }
         let missing = if then { "then" } else { "else" };
         let message = if then { "this `if` has no `then`" } else { "this `if` has no `else`" };
@@ -452,20 +457,23 @@ impl Teller<'_, '_> {
             }
             "=>" | "->" => problem("E0116", format!("`{found}` has no meaning here")),
             "=" => problem("E0116", "a second `=` has no meaning here".to_owned()).hint("a comparison is written `==`"),
-            "," | ";" if self.opener().is_none() && self.before_ends_value() => match self.place {
-                Place::Property => {
-                    problem("E0115", "nothing separates properties".to_owned()).hint(format!("leave the `{found}` out"))
-                }
-                Place::Item | Place::Use | Place::Rows => {
-                    problem("E0115", "nothing separates items".to_owned()).hint(format!("leave the `{found}` out"))
-                }
-            },
+            _ if self.stop.wants(Rule::range_dots) && self.before_ends_value() => {
+                problem("E0101", format!("expected `..` between the ends of a range, found `{found}`"))
+                    .hint("write a range as `0 .. 10`")
+            }
+            "," | ";" if self.opener().is_none() && self.before_ends_value() => {
+                let things = match self.place {
+                    Place::Property => "properties",
+                    Place::Item | Place::Use | Place::Rows => "items",
+                };
+                problem("E0115", format!("{things} are not separated by `{found}`")).hint("leave it out")
+            }
             ";" if self.opener_is("(") || self.opener_is("[") => {
                 problem("E0115", "values in brackets are separated by commas".to_owned()).hint("write `,`")
             }
             "," if self.opener_is("{") && self.before_ends_value() => {
-                problem("E0115", "nothing separates the names of a block".to_owned())
-                    .hint("leave the comma out, or write `;`")
+                problem("E0115", "the names of a block are not separated by `,`".to_owned())
+                    .hint("leave it out, or write `;`")
             }
             "::" => problem("E0124", "a path stands only in `use`".to_owned())
                 .hint("import the name at the top, as in `use std::noise::fbm`, and write it alone"),
@@ -528,9 +536,23 @@ impl Teller<'_, '_> {
             if RESERVED.contains(&word) && !matches!(word, "true" | "false") {
                 return None;
             }
-            if word == "x" && after_number {
-                let problem = Diagnostic::error("E0123", "a size is two whole numbers around `x`").at(here, "");
-                return Some(problem.hint("write `1024 x 768` or `1024x768`; to multiply, write `*`"));
+            let attached = word.strip_prefix('x').is_some_and(|d| d.bytes().all(|b| b.is_ascii_digit()));
+            if attached && after_number {
+                return Some(self.size());
+            }
+            let item =
+                super::tree::block_kind(word).is_some_and(|k| scan.is(self.at + 1 + usize::from(k.is_named()), "{"));
+            if item && self.opener().is_none() {
+                let problem = Diagnostic::error("E0101", "items do not stand inside each other")
+                    .at(here, "a new item starts here");
+                return Some(problem.hint("close the brace of the item around it first"));
+            }
+            if self.place == Place::Property && self.opener().is_none() && scan.tokens[self.at].starts_line {
+                let lonely = self.at + 1 == self.hi || scan.is_name(self.at + 1);
+                if lonely && !is_unit(word) {
+                    let problem = Diagnostic::error("E0114", format!("`{word}` is given no value"));
+                    return Some(problem.at(here, "expected `=` and a value after it"));
+                }
             }
             if let Some(operator) = match word.to_lowercase().as_str() {
                 "and" => Some("&&"),
@@ -586,6 +608,12 @@ impl Teller<'_, '_> {
         } else {
             "write an operator between them"
         }))
+    }
+
+    fn size(&self) -> Diagnostic {
+        Diagnostic::error("E0123", "a size is two whole numbers around `x`")
+            .at(self.here(), "")
+            .hint("write `1024 x 768` or `1024x768`; to multiply, write `*`")
     }
 
     fn unknown_unit(&self, word: &str, before: usize) -> Diagnostic {

@@ -2,7 +2,7 @@
 //! errors and each only once.
 
 use super::ast::{Block, BlockKind, Item, ItemKind, Name, Property};
-use super::brackets::{Brackets, Start, item_start, matched};
+use super::brackets::{Brackets, item_start, matched};
 use super::grammar::{self, Rule};
 use super::lex::{CommentKind, Scan, TokenKind};
 use super::limits::MAX_FINDINGS;
@@ -28,24 +28,26 @@ pub(super) fn module(
         items: vec![],
         unread: vec![],
     };
-    let mut swallowed_from = usize::MAX;
+    let mut swallowed: Vec<usize> = vec![];
     for problem in &scan.problems {
         match problem.token {
             Some(token) => {
                 recovery.bad[token] = true;
-                if scan.word(token).starts_with('"') {
-                    swallowed_from = swallowed_from.min(token);
+                if problem.diagnostic.code == "E0104" {
+                    swallowed.push(token);
                 }
             }
-            None => swallowed_from = swallowed_from.min(scan.tokens.len()),
+            None => swallowed.push(scan.tokens.len()),
         }
         recovery.report(problem.diagnostic.clone());
     }
-    // What an open comment or text in quotes has swallowed may well have held the closing bracket.
-    let unreliable = |opening: usize| opening < swallowed_from && swallowed_from <= scan.tokens.len();
     for (token, problem) in &brackets.problems {
         recovery.bad[*token] = true;
-        if !(unreliable(*token) && problem.code == "E0102" && problem.labels.len() == 1) {
+        // An open comment or an open text in quotes may well have swallowed the bracket that is missed.
+        let until = problem.labels.get(1).map_or(u32::MAX, |label| label.span.start);
+        let first = swallowed.partition_point(|t| t < token);
+        let excused = swallowed.get(first).is_some_and(|t| scan.span(*t).start < until);
+        if !(excused && problem.code == "E0102") {
             recovery.report(problem.clone());
         }
     }
@@ -102,48 +104,85 @@ impl<'a, 't> Recovery<'a, 't> {
 
     /// Ranges of tokens that each hold one item, or rubbish.
     fn chunks(&self) -> Vec<Range<usize>> {
-        let scan = self.scan;
-        let mut starts = vec![];
-        for index in 0..scan.tokens.len() {
+        let mut starts: Vec<usize> = vec![];
+        let mut braced = false;
+        for index in 0..self.scan.tokens.len() {
             if self.brackets.depth[index] > 0 {
                 continue;
             }
-            let Some(&current) = starts.last() else {
+            if starts.last().is_none_or(|current| self.starts_chunk(*current, index, braced)) {
                 starts.push(index);
-                continue;
-            };
-            let braced = !matches!(scan.word(current), "const" | "param" | "fn");
-            let after_body = braced && scan.is(index - 1, "}");
-            let unknown = scan.is_name(index)
-                && index > current + 1
-                && item_start(scan, index + 1).is_none()
-                && (scan.is(index + 1, "{") || (scan.is_name(index + 1) && scan.is(index + 2, "{")));
-            let known = match item_start(scan, index) {
-                Some(Start::Certain | Start::Likely) => true,
-                None => {
-                    words::ITEM_WORDS.contains(&scan.word(index))
-                        && scan.tokens[index].starts_line
-                        && scan.ends_value(index - 1)
-                }
-            };
-            if after_body || unknown || known {
-                starts.push(index);
+                braced = false;
             }
+            braced |= self.scan.is(index, "{");
         }
-        let ends = starts.iter().skip(1).copied().chain([scan.tokens.len()]);
+        let ends = starts.iter().skip(1).copied().chain([self.scan.tokens.len()]);
         starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect()
+    }
+
+    /// Whether an item seems to start at a token outside of all brackets. `current` is the start of the one before it,
+    /// `braced` whether that has opened a brace yet.
+    fn starts_chunk(&self, current: usize, index: usize, braced: bool) -> bool {
+        let scan = self.scan;
+        if item_start(scan, index).is_some() {
+            return true;
+        }
+        let before = scan.word(current);
+        let open_ended = matches!(before, "const" | "param" | "fn");
+        // Behind the closing brace of an item, whatever comes.
+        if !open_ended
+            && braced
+            && scan.is(index - 1, "}")
+            && self.brackets.depth[index - 1] == 0
+            && !scan.is(index, "}")
+        {
+            return true;
+        }
+        if scan.kind(index) != Some(TokenKind::Word) {
+            return false;
+        }
+        let starts_line = scan.tokens[index].starts_line;
+        if before == "use" && starts_line {
+            return true;
+        }
+        let starts_next = item_start(scan, index + 1).is_some();
+        let two_names = scan.is_name(index) && scan.is_name(index + 1) && !starts_next;
+        if two_names && starts_line && scan.is(index + 2, "{") {
+            return true;
+        }
+        // Two words side by side, or a name before a brace or `=`, are nowhere in a value.
+        if !scan.ends_value(index - 1) || scan.tokens[index - 1].kind == TokenKind::Number && !starts_line {
+            return false;
+        }
+        let item_word = words::ITEM_WORDS.contains(&scan.word(index));
+        let in_header = !open_ended && !braced && !starts_line;
+        let names = two_names || scan.word(index) == "let";
+        let opens = scan.is_name(index) && scan.is(index + 1, "{") || two_names && scan.is(index + 2, "{");
+        let assigns = scan.is_name(index) && scan.is(index + 1, "=");
+        let unknown_before = !words::ITEM_WORDS.contains(&before);
+        !in_header && opens || starts_line && (item_word || names || unknown_before || assigns && open_ended)
+    }
+
+    /// Reports a mark between things that stand side by side without one.
+    fn separator(&mut self, things: &str, mark: usize) {
+        let word = self.scan.word(mark);
+        let problem = Diagnostic::error("E0115", format!("{things} are not separated by `{word}`"));
+        self.report(problem.at(self.scan.span(mark), "").hint("leave it out"));
     }
 
     fn chunk(&mut self, mut tokens: Range<usize>) {
         let scan = self.scan;
         while let Some(mark) = Some(tokens.start).filter(|t| *t < tokens.end) {
             if scan.is(mark, ";") || scan.is(mark, ",") {
-                let problem = Diagnostic::error("E0115", "nothing separates items");
-                self.report(problem.at(scan.span(mark), "").hint(format!("leave the `{}` out", scan.word(mark))));
+                self.separator("items", mark);
             } else if !(scan.is(mark, "}") && self.bad[mark]) {
                 break;
             }
             tokens.start += 1;
+        }
+        while tokens.start + 1 < tokens.end && (scan.is(tokens.end - 1, ";") || scan.is(tokens.end - 1, ",")) {
+            tokens.end -= 1;
+            self.separator("items", tokens.end);
         }
         if tokens.is_empty() {
             return;
@@ -325,7 +364,11 @@ impl<'a, 't> Recovery<'a, 't> {
     }
 
     fn block(&mut self, tokens: Range<usize>, kind: BlockKind, known: bool) {
-        let (name, at) = self.header(&tokens, kind.is_named() || (!known && self.scan.is_name(tokens.start + 1)));
+        let (name, at) = if known {
+            self.header(&tokens, kind.is_named())
+        } else {
+            (None, tokens.start + 1 + usize::from(self.scan.is_name(tokens.start + 1)))
+        };
         let Some(body) = self.body(&tokens, at) else {
             self.unread.extend(name);
             return;
@@ -341,41 +384,56 @@ impl<'a, 't> Recovery<'a, 't> {
         self.items.push(Item { docs, kind: ItemKind::Block(Block { kind, word, name, properties }), span });
     }
 
-    /// Whether a property starts at this token of a body.
-    fn starts_property(&self, index: usize, first: usize) -> bool {
+    /// Where properties start in a body, at least at its first token.
+    fn property_starts(&self, body: Range<usize>) -> Vec<usize> {
         let scan = self.scan;
-        if !scan.is_name(index) {
-            return false;
+        let first = body.start;
+        let depth = self.brackets.depth[first];
+        let mut starts = vec![first];
+        // `if`s that wait for their `then`: what follows them is compared, though `=` may be written.
+        let mut conditions = 0usize;
+        for index in body {
+            if self.brackets.depth[index] != depth {
+                continue;
+            }
+            match scan.word(index) {
+                "if" => conditions += 1,
+                "then" => conditions = conditions.saturating_sub(1),
+                _ => {}
+            }
+            if index == first || !scan.is_name(index) {
+                continue;
+            }
+            let part = scan.is(index - 1, ".");
+            let compared = conditions > 0 && !scan.tokens[index].starts_line;
+            let after_value = scan.ends_value(index - 1) || scan.is(index - 1, ";") || scan.is(index - 1, ",");
+            let starts_here = match scan.word(index + 1) {
+                "=" => !part && !compared,
+                ":" | "==" | "=>" => after_value && !part && !compared,
+                _ => false,
+            };
+            if starts_here {
+                starts.push(index);
+                conditions = 0;
+            }
         }
-        let after_value =
-            index == first || scan.ends_value(index - 1) || scan.is(index - 1, ";") || scan.is(index - 1, ",");
-        match scan.word(index + 1) {
-            "=" => true,
-            ":" | "==" | "=>" | ":=" => after_value,
-            _ => false,
-        }
+        starts
     }
 
     fn properties(&mut self, body: Range<usize>) -> Vec<Property> {
-        let Some(first) = Some(body.start).filter(|_| !body.is_empty()) else { return vec![] };
-        let depth = self.brackets.depth[first];
-        let inside = |index: &usize| self.brackets.depth[*index] == depth && self.starts_property(*index, first);
-        let mut starts: Vec<usize> = body.clone().filter(inside).collect();
-        if starts.first() != Some(&first) {
-            starts.insert(0, first);
+        if body.is_empty() {
+            return vec![];
         }
+        let starts = self.property_starts(body.clone());
+        let ends: Vec<usize> = starts.iter().skip(1).copied().chain([body.end]).collect();
         let mut properties = vec![];
         let mut separated = false;
-        let ends: Vec<usize> = starts.iter().skip(1).copied().chain([body.end]).collect();
         for (start, mut end) in starts.into_iter().zip(ends) {
             while end > start && (self.scan.is(end - 1, ",") || self.scan.is(end - 1, ";")) {
                 end -= 1;
+                // Who separates one property separates all of them.
                 if !std::mem::replace(&mut separated, true) {
-                    let problem =
-                        Diagnostic::error("E0115", "nothing separates properties").at(self.scan.span(end), "");
-                    self.report(
-                        problem.hint(format!("leave the `{}` out, here and after the others", self.scan.word(end))),
-                    );
+                    self.separator("properties", end);
                 }
             }
             if start < end && !self.is_bad(start..end) {
