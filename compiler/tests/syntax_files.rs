@@ -70,3 +70,17 @@ fn explanations_show_what_they_explain() {
         }
     }
 }
+
+/// The language reference shows only what is read.
+#[test]
+#[expect(clippy::disallowed_methods, reason = "the test reads its inputs; the compiler does not")]
+fn snippets_of_the_reference_are_read() {
+    let path = format!("{}/../grammar/reference.md", env!("CARGO_MANIFEST_DIR"));
+    let reference = std::fs::read_to_string(path).expect("the reference is there");
+    let snippets: Vec<&str> = reference.split("```").skip(1).step_by(2).collect();
+    assert!(snippets.len() >= 4);
+    for snippet in snippets {
+        let (items, rendered) = read("reference.md", snippet);
+        assert!(rendered.is_empty() && items > 0, "{rendered}");
+    }
+}
