@@ -138,7 +138,7 @@ pub struct Medium {
     pub k_s: NodeId,
     /// Emission, light/length, density already multiplied in.
     pub k_e: NodeId,
-    /// Phase function of [`super::Input::CosTheta`], not yet normalised; `None` is isotropic.
+    /// Phase function of [`super::Input::CosTheta`], not yet normalised; `None` is isotropic. Spectrum.
     pub phase: Option<NodeId>,
     /// For the projections (`composite`): the data value that is projected (the argument of the transfer function).
     pub data: Option<NodeId>,

@@ -140,7 +140,7 @@ impl<'s> Lowerer<'s, '_> {
         let k_e = self.coefficient(medium, "k_e", medium.k_e.as_ref(), density);
         self.fresh();
         let phase = match (&medium.phase, &medium.k_s) {
-            (Some(phase), Some(_)) => self.scalar(phase).map(|node| {
+            (Some(phase), Some(_)) => self.spectrum(phase).map(|node| {
                 self.name(node, &format!("{}.phase", medium.name));
                 Some(node)
             }),

@@ -1,10 +1,10 @@
 //! Operators, choices, names, loops, calls, tables.
 
 use crate::build::*;
-use crate::{Place, close, here, metres, value, value_with};
+use crate::{Place, close, here, in_units, metres, value, value_with};
 use compiler::check::hir::*;
 use compiler::ir::eval::{NoVoxels, Voxels};
-use compiler::ir::{Filter, Fold, GridId as IrGrid, Op, Type as IrType};
+use compiler::ir::{Filter, Fold, GridId as IrGrid, Op, Type as IrType, Units};
 use compiler::syntax::ast::BinaryOp;
 
 fn density(scene: &Scene) -> Vec<f64> {
@@ -257,12 +257,14 @@ pub(crate) fn oblique() -> Grid {
 fn grids_sit_where_their_header_says() {
     let mut scene = with_density(expr(ExprKind::Sample(GridId(0), Box::new(p())), number()));
     scene.grids.push(oblique());
-    let lowered = metres(&scene);
     // The world place of voxel (1.5, 2, 3).
     let place = here(0.1 - 3e-3 * 2.0, 0.2 + 2e-3 * 1.5, 0.3 + 5e-3 * 3.0);
-    let got = value_with(&lowered, lowered.media[0].k_a, &place, &Ramp);
-    assert!(close(&got, &[1.5 + 20.0 + 300.0], 1e-10), "{got:?}");
-    assert_eq!(value_with(&lowered, lowered.media[0].k_a, &place, &NoVoxels), [0.0]);
+    for unit in [1.0, 64.0, 1.0 / 64.0] {
+        let lowered = in_units(&scene, Units { length: unit });
+        let got = value_with(&lowered, lowered.media[0].k_a, &place, &Ramp)[0] / unit;
+        assert!(close(&[got], &[1.5 + 20.0 + 300.0], 1e-10), "{got}");
+        assert_eq!(value_with(&lowered, lowered.media[0].k_a, &place, &NoVoxels), [0.0]);
+    }
 }
 
 #[test]
