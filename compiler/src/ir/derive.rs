@@ -63,18 +63,14 @@ pub fn gradient_with(
     if graph.ty(f) != Type::SCALAR {
         return Err(Unsupported::Shape);
     }
-    let mut parts = [None; 3];
-    for (axis, part) in parts.iter_mut().enumerate() {
-        let mut unit = [0.0; 3];
-        unit[axis] = 1.0;
-        let seed = graph.vector(&unit);
-        *part = directional_with(graph, f, x, seed, altitudes, budget)?;
-    }
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| graph.vector(&axis));
+    let parts = along(graph, f, x, &axes, altitudes, budget)?;
     if parts.iter().all(Option::is_none) {
         return Ok(graph.vector(&[0.0; 3]));
     }
     let zero = graph.scalar(0.0);
-    Ok(compose(graph, &parts.map(|p| p.unwrap_or(zero))))
+    let parts: Vec<NodeId> = parts.into_iter().map(|p| p.unwrap_or(zero)).collect();
+    Ok(compose(graph, &parts))
 }
 
 /// The derivative of `f`, of any width, when `x` moves along `direction`; `None` is zero.
@@ -82,23 +78,25 @@ pub fn gradient_with(
 /// # Errors
 /// As [`gradient`].
 pub fn directional(graph: &mut Graph, f: NodeId, x: NodeId, direction: NodeId) -> Result<Option<NodeId>, Unsupported> {
-    directional_with(graph, f, x, direction, &[], &mut Budget::default())
+    let parts = along(graph, f, x, &[direction], &[], &mut Budget::default())?;
+    Ok(parts.into_iter().next().flatten())
 }
 
-fn directional_with(
+/// The derivatives of `f` when `x` moves along each of the seeds.
+fn along(
     graph: &mut Graph,
     f: NodeId,
     x: NodeId,
-    seed: NodeId,
+    seeds: &[NodeId],
     altitudes: &[(u32, NodeId)],
     budget: &mut Budget,
-) -> Result<Option<NodeId>, Unsupported> {
-    if graph.ty(f) == Type::Bool || [x, seed].iter().any(|n| graph.ty(*n) != Type::VEC3) {
+) -> Result<Vec<Option<NodeId>>, Unsupported> {
+    if graph.ty(f) == Type::Bool || seeds.iter().chain([&x]).any(|n| graph.ty(*n) != Type::VEC3) {
         return Err(Unsupported::Shape);
     }
     let bound = free_variables(graph, x);
-    let mut forward = Forward { graph, x, seed, bound, altitudes, budget, tangents: FxHashMap::default() };
-    forward.tangent(f)
+    let mut forward = Forward { graph, x, seeds, seed: 0, bound, altitudes, budget, tangents: FxHashMap::default() };
+    forward.tangents(f)
 }
 
 /// The loop variables that a node leaves unbound, as bits.
@@ -139,13 +137,15 @@ fn compose(graph: &mut Graph, parts: &[NodeId]) -> NodeId {
 struct Forward<'a> {
     graph: &'a mut Graph,
     x: NodeId,
-    seed: NodeId,
+    seeds: &'a [NodeId],
+    /// The seed whose derivatives are being made.
+    seed: usize,
     /// Loop variables free in `x`: inside a loop that binds one of them anew, a node equal to `x` is not `x`.
     bound: u16,
     altitudes: &'a [(u32, NodeId)],
     budget: &'a mut Budget,
-    /// The derivative of a node, of the node's own width.
-    tangents: FxHashMap<NodeId, Option<NodeId>>,
+    /// The derivatives of a node along each seed, of the node's own width.
+    tangents: FxHashMap<NodeId, Vec<Option<NodeId>>>,
 }
 
 impl Forward<'_> {
@@ -158,7 +158,7 @@ impl Forward<'_> {
     }
 
     /// Nodes in ascending order are in order of dependence, so that no recursion over the graph is needed.
-    fn tangent(&mut self, root: NodeId) -> Result<Option<NodeId>, Unsupported> {
+    fn tangents(&mut self, root: NodeId) -> Result<Vec<Option<NodeId>>, Unsupported> {
         let mut order = vec![];
         let mut stack = vec![root];
         let mut seen = FxHashSet::default();
@@ -167,7 +167,7 @@ impl Forward<'_> {
                 continue;
             }
             if id == self.x {
-                self.tangents.insert(id, Some(self.seed));
+                self.tangents.insert(id, self.seeds.iter().map(|s| Some(*s)).collect());
                 continue;
             }
             order.push(id);
@@ -181,15 +181,46 @@ impl Forward<'_> {
         self.spend(order.len())?;
         order.sort_unstable();
         for id in order {
-            let tangent = self.rule(id)?;
+            let outer = self.seed;
+            let tangents = match self.shared_loop(id) {
+                Some(tangents) => tangents,
+                None => (0..self.seeds.len())
+                    .map(|seed| {
+                        self.seed = seed;
+                        self.rule(id)
+                    })
+                    .collect::<Result<_, _>>()?,
+            };
+            self.seed = outer;
             self.spend(0)?;
-            self.tangents.insert(id, tangent);
+            self.tangents.insert(id, tangents);
         }
-        Ok(self.tangents[&root])
+        Ok(self.tangents[&root].clone())
     }
 
     fn of(&self, id: NodeId) -> Option<NodeId> {
-        self.tangents.get(&id).copied().flatten()
+        self.tangents.get(&id)?[self.seed]
+    }
+
+    /// A sum of scalars has its derivatives along all seeds in one loop, so that what they share is computed once.
+    fn shared_loop(&mut self, id: NodeId) -> Option<Vec<Option<NodeId>>> {
+        let Op::Reduce { fold: Fold::Sum, depth, start, end, body } = *self.graph.op(id) else { return None };
+        if self.graph.width(body) != 1 || self.bound & (1 << depth) != 0 {
+            return None;
+        }
+        let parts: Vec<(usize, NodeId)> =
+            self.tangents.get(&body)?.iter().enumerate().filter_map(|(i, t)| t.map(|t| (i, t))).collect();
+        if parts.len() < 2 {
+            return None;
+        }
+        let nodes: Vec<NodeId> = parts.iter().map(|p| p.1).collect();
+        let together = compose(self.graph, &nodes);
+        let sum = self.graph.reduce(Fold::Sum, depth, start..end, together);
+        let mut tangents = vec![None; self.seeds.len()];
+        for (place, (seed, _)) in parts.into_iter().enumerate() {
+            tangents[seed] = Some(self.graph.extract(sum, place as u8));
+        }
+        Some(tangents)
     }
 
     fn rule(&mut self, id: NodeId) -> Result<Option<NodeId>, Unsupported> {
@@ -198,7 +229,7 @@ impl Forward<'_> {
             Op::Const(_) | Op::Truth(_) | Op::Param(_) | Op::LoopVar(_) | Op::Compare(..) | Op::CellHash { .. } => None,
             Op::Input(Input::Altitude(shell)) => {
                 let known = self.altitudes.iter().find(|a| a.0 == shell).ok_or(Unsupported::Altitude)?;
-                self.dot(known.1, self.seed)
+                self.dot(known.1, self.seeds[self.seed])
             }
             Op::Input(Input::Position | Input::Direction | Input::CosTheta | Input::Time) => None,
             Op::Unary(u, a) => self.of(a).and_then(|d| self.unary(id, u, a, d)),
@@ -388,7 +419,7 @@ impl Forward<'_> {
         let mut tangents = vec![];
         for i in range {
             let value = self.substitute(body, depth, f64::from(i))?;
-            tangents.push(self.tangent(value)?);
+            tangents.push(self.tangents(value)?[self.seed]);
             values.push(value);
         }
         let (mut total, mut tangent) = (values[0], tangents[0]);

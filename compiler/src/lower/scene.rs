@@ -4,8 +4,8 @@ use super::{Frame, Lowered, Lowerer, Value};
 use crate::check::hir::{self, ExprKind, LightKind, Type};
 use crate::diagnostic::Diagnostic;
 use crate::ir::{
-    BandsKind, Camera, Composite, FieldScene, ImageInfo, Input, Medium, NodeId, Projection, RenderInfo, Shape, Tier,
-    eval,
+    BandsKind, Camera, Composite, FieldScene, ImageInfo, Input, Medium, NodeId, Op, Projection, RenderInfo, Shape,
+    Tier, eval,
 };
 use crate::source::{SourceId, Span};
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -487,15 +487,21 @@ impl<'s> Lowerer<'s, '_> {
         }
     }
 
-    /// The value of a node at the params' defaults, unless it varies within the picture.
+    /// The value of a node at the params' defaults, unless it varies within the picture or is read from voxels.
     fn at_defaults(&mut self, node: NodeId) -> Option<Vec<f64>> {
         if let Some(constant) = self.constant(node) {
             return Some(constant.values());
         }
-        if self.graph.tiers()[node.0 as usize] > Tier::Frame {
+        if self.graph.tiers()[node.0 as usize] > Tier::Frame || self.reads_voxels(node) {
             return None;
         }
         eval::evaluate_frame(&self.graph, &[node], &self.defaults(), 0.0).pop()
+    }
+
+    fn reads_voxels(&self, node: NodeId) -> bool {
+        let live = self.graph.reachable(&[node]);
+        let sampled = |id: &NodeId| matches!(self.graph.op(*id), Op::Sample { .. } | Op::SampleGradient { .. });
+        self.graph.ids().filter(|id| live[id.0 as usize]).any(|id| sampled(&id))
     }
 
     /// Reports what varies more than it may.
@@ -527,10 +533,8 @@ impl<'s> Lowerer<'s, '_> {
         if checks.is_empty() || self.failed {
             return;
         }
-        let nodes: Vec<NodeId> = checks.iter().map(|c| c.0).collect();
-        let values = eval::evaluate_frame(&self.graph, &nodes, &self.defaults(), 0.0);
-        for ((_, span, what), value) in checks.into_iter().zip(values) {
-            if value.iter().all(|v| *v == 0.0) {
+        for (node, span, what) in checks {
+            if self.at_defaults(node).is_some_and(|value| value.iter().all(|v| *v == 0.0)) {
                 let _ = self.report::<()>(
                     Diagnostic::error("E0508", format!("{what} must not be 0"))
                         .at(span, "this is 0")

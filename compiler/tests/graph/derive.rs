@@ -248,6 +248,22 @@ fn what_does_not_depend_on_the_variable_makes_no_node() {
     assert_eq!(g.constant(zero).expect("a constant").values(), [0.0; 3]);
 }
 
+/// The derivatives of a sum along the three axes share one loop.
+#[test]
+fn a_sum_is_one_loop() {
+    let mut g = Graph::default();
+    let p = g.input(Input::Position);
+    let i = g.push(Op::LoopVar(0));
+    let scaled = g.mul(p, i);
+    let square = g.dot(scaled, scaled);
+    let wave = g.unary(Unary::Cos, square);
+    let f = g.reduce(Fold::Sum, 0, 0..5, wave);
+    let slope = gradient(&mut g, f, p).expect("a derivative");
+    let live = g.reachable(&[slope]);
+    let loops = g.ids().filter(|id| live[id.0 as usize] && matches!(g.op(*id), Op::Reduce { .. }));
+    assert_eq!(loops.count(), 1);
+}
+
 #[test]
 fn the_variable_may_be_any_vector() {
     let mut g = Graph::default();
