@@ -3,4 +3,6 @@
 //! Takes what `compiler` hands over and never generates shader text.
 
 pub mod data;
+pub mod engine;
+pub mod frame;
 pub mod image;

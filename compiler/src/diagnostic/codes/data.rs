@@ -135,6 +135,63 @@ PNG, is damaged, or was stripped of its metadata by another program.
 ",
     },
     CodeInfo {
+        code: "E0650",
+        title: "a coefficient is negative at some place",
+        explanation: "\
+`k_a`, `k_s` and `k_e` are densities of what absorbs, scatters or emits: there is none below zero. The message names the
+field and a position where it happens; it could not be known before drawing.
+
+Wrong, since noise swings around zero:
+
+    k_a = 2 /m * fbm(p / 0.3 m)
+
+Right:
+
+    k_a = 2 /m * max(0, fbm(p / 0.3 m))
+",
+    },
+    CodeInfo {
+        code: "E0651",
+        title: "a field is infinite or not a number at some place",
+        explanation: "\
+Divisions by zero, roots and logarithms of negative numbers and exponentials of large ones have no finite value. The
+message names the field and a position where it happens. Keep the argument away from there with `max`, `clamp` or `if`.
+
+Wrong at the centre:
+
+    k_a = 1 / length(p)
+
+Right:
+
+    k_a = 1 / max(length(p), 1 mm)
+",
+    },
+    CodeInfo {
+        code: "E0652",
+        title: "a medium without end cannot be integrated",
+        explanation: "\
+A ray that never leaves a medium is followed to infinity: uniform fields and fields that decay or grow steadily have a
+definite result. This one has none (it emits without end and absorbs nothing), or none that could be shown within a
+reasonable distance. Give the medium a `shape`.
+",
+    },
+    CodeInfo {
+        code: "E0653",
+        title: "the camera cannot look",
+        explanation: "\
+`from` and `to` must differ, all values must be finite, `fov` must lie between 0 and 180 degrees, and the height of an
+orthographic picture must be positive. Look at the params that the camera uses.
+",
+    },
+    CodeInfo {
+        code: "E0654",
+        title: "a ray or the values of params do not fit",
+        explanation: "\
+A ray needs a finite origin and a direction that is not zero, and each param of the scene needs as many numbers as its
+type has.
+",
+    },
+    CodeInfo {
         code: "W0601",
         title: "voxels that are not finite were replaced",
         explanation: "\

@@ -1,0 +1,3 @@
+//! The engines: what turns a compiled scene into numbers.
+
+pub mod reference;

@@ -1,0 +1,265 @@
+//! Fields of one frame as tapes, evaluated at eight points of a ray at once.
+
+use super::events::{self, Levels, Watch};
+use super::gauss::{N, Nodes};
+use super::shape::{self, AltitudeRay, Solid};
+use crate::frame::vector::{Vec3, along};
+use compiler::diagnostic::Diagnostic;
+use compiler::ir::derive::gradient;
+use compiler::ir::eval::{Environment, Scratch, Tables, Tape, Voxels, evaluate_with};
+use compiler::ir::{FieldScene, Graph, Input, NodeId, Tier};
+use compiler::source::Span;
+use std::collections::HashMap;
+
+/// A list of roots with the places where they may not be smooth.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    /// The roots, then the nodes of `watches`.
+    pub(super) tape: Tape,
+    /// How many roots there are.
+    pub(super) roots: usize,
+    /// What is looked for in each of the nodes after the roots.
+    pub(super) watches: Vec<Watch>,
+    /// Nodes that are straight along a ray.
+    pub(super) straight: Option<Tape>,
+    /// Their levels.
+    pub(super) levels: Vec<Levels>,
+    /// Whether nothing varies along a ray.
+    pub(super) uniform: bool,
+}
+
+impl Field {
+    fn new(graph: &mut Graph, roots: &[NodeId], tables: &Tables) -> Self {
+        let tiers = graph.tiers();
+        let uniform = roots.iter().all(|r| tiers[r.0 as usize] < Tier::Sample);
+        let found = if uniform { events::Events::default() } else { events::find(graph, roots, tables) };
+        let nodes: Vec<NodeId> = roots.iter().copied().chain(found.curved.iter().map(|e| e.node)).collect();
+        let straight: Vec<NodeId> = found.straight.iter().map(|e| e.node).collect();
+        let levels = found.straight.into_iter().filter_map(|e| match e.watch {
+            Watch::Levels(levels) => Some(levels),
+            Watch::Peak | Watch::Pole => None,
+        });
+        Self {
+            tape: Tape::new(graph, &nodes),
+            roots: roots.len(),
+            watches: found.curved.into_iter().map(|e| e.watch).collect(),
+            levels: levels.collect(),
+            straight: (!straight.is_empty()).then(|| Tape::new(graph, &straight)),
+            uniform,
+        }
+    }
+}
+
+/// A medium of one frame.
+#[derive(Clone, Debug)]
+pub(super) struct MediumField {
+    pub(super) name: String,
+    pub(super) span: Option<Span>,
+    pub(super) solid: Solid,
+    /// k_a, k_s, k_e.
+    pub(super) field: Field,
+    /// For the projections: the data.
+    pub(super) data: Option<Field>,
+    /// For the projections: colour of a value of the data, which stands for the cosine.
+    pub(super) color: Option<Tape>,
+    /// Exact gradient of the data, where there is one.
+    pub(super) gradient: Option<Tape>,
+}
+
+/// Everything of a scene that does not depend on the ray.
+#[derive(Clone, Debug)]
+pub(super) struct Fields {
+    pub(super) media: Vec<MediumField>,
+    pub(super) background: Tape,
+    /// Tapes of the fields of `sdf` shapes.
+    pub(super) sdf: HashMap<NodeId, Tape>,
+    /// Centre and radius of each shell whose altitude is asked for.
+    pub(super) shells: Vec<(Vec3, f64)>,
+    pub(super) tables: Tables,
+    pub(super) params: Vec<Vec<f64>>,
+    pub(super) time: f64,
+}
+
+impl Fields {
+    pub(super) fn new<V: Voxels + ?Sized>(
+        scene: &FieldScene,
+        params: &[Vec<f64>],
+        time: f64,
+        voxels: &V,
+    ) -> Result<Self, Diagnostic> {
+        let mut graph = scene.graph.clone();
+        let tables = Tables::evaluate(&graph, params, time);
+        let frame = |nodes: &[NodeId]| -> Vec<Vec<f64>> {
+            let tape = Tape::new(&scene.graph, nodes);
+            let environment = Environment { time, params, tables: &tables, ..Environment::default() };
+            let mut scratch = tape.scratch();
+            tape.run(&environment, voxels, &mut scratch);
+            (0..nodes.len()).map(|i| tape.root(&scratch, i).iter().map(|lane| lane[0]).collect()).collect()
+        };
+        let tiers = graph.tiers();
+        let mut media = vec![];
+        let mut sdf = HashMap::new();
+        for medium in &scene.media {
+            let mut nodes = vec![];
+            medium.shape.clone().map_nodes(&mut |n| {
+                if tiers[n.0 as usize] <= Tier::Frame {
+                    nodes.push(n);
+                }
+                n
+            });
+            let values: HashMap<NodeId, Vec<f64>> =
+                if nodes.is_empty() { HashMap::new() } else { nodes.iter().copied().zip(frame(&nodes)).collect() };
+            let mut value = |n: NodeId| values.get(&n).cloned().unwrap_or_else(|| vec![f64::NAN]);
+            let solid = shape::evaluate(&medium.shape, &mut value).map_err(|part| {
+                let message = format!("the {part} in the shape of medium `{}` is not finite", medium.name);
+                with_span(Diagnostic::error("E0651", message), medium.span)
+                    .hint("check the params and divisions that it uses")
+            })?;
+            let mut fields = vec![];
+            solid.fields(&mut fields);
+            for field in fields {
+                sdf.entry(field).or_insert_with(|| Tape::new(&scene.graph, &[field]));
+            }
+            media.push(MediumField {
+                name: medium.name.clone(),
+                span: medium.span,
+                solid,
+                field: Field::new(&mut graph, &[medium.k_a, medium.k_s, medium.k_e], &tables),
+                data: medium.data.map(|d| Field::new(&mut graph, &[d], &tables)),
+                color: medium.data_color.map(|c| Tape::new(&scene.graph, &[c])),
+                gradient: medium.data.and_then(|d| {
+                    let position = graph.input(Input::Position);
+                    let gradient = gradient(&mut graph, d, position).ok()?;
+                    Some(Tape::new(&graph, &[gradient]))
+                }),
+            });
+        }
+        let shells = scene.shells.iter().map(|(center, radius)| {
+            let values = frame(&[*center, *radius]);
+            (std::array::from_fn(|c| values[0][c.min(values[0].len() - 1)]), values[1][0])
+        });
+        Ok(Self {
+            media,
+            background: Tape::new(&scene.graph, &[scene.background]),
+            sdf,
+            shells: shells.collect(),
+            params: params.to_vec(),
+            time,
+            tables,
+        })
+    }
+
+    /// Numbers of a node of tier Frame, without voxels.
+    pub(super) fn number(&self, scene: &FieldScene, node: NodeId) -> f64 {
+        evaluate_with(&scene.graph, &[node], &self.params, self.time, &self.tables)[0][0]
+    }
+
+    /// Evaluates a tape at points of a ray. Light travels against the ray inside media; an environment is seen along it.
+    pub(super) fn run<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        ray: &Ray,
+        ts: &Nodes,
+        towards_sky: bool,
+    ) {
+        let sign = if towards_sky { 1.0 } else { -1.0 };
+        let mut position = [[0.0; N]; 3];
+        for (lane, t) in ts.iter().enumerate() {
+            let p = along(ray.origin, ray.direction, *t);
+            (0..3).for_each(|c| position[c][lane] = p[c]);
+        }
+        let altitudes: Vec<Nodes> = ray.altitudes.iter().map(|a| ts.map(|t| a.at(t))).collect();
+        let environment = Environment {
+            position,
+            direction: ray.direction.map(|d| [sign * d; N]),
+            cos_theta: [0.0; N],
+            time: self.time,
+            altitudes: &altitudes,
+            params: &self.params,
+            tables: &self.tables,
+        };
+        tape.run(&environment, voxels, scratch);
+    }
+
+    /// Evaluates a colour at values of its data, which stand for the cosine.
+    pub(super) fn run_value<V: Voxels + ?Sized>(&self, tape: &Tape, scratch: &mut Scratch, voxels: &V, values: &Nodes) {
+        let environment = Environment {
+            cos_theta: *values,
+            time: self.time,
+            params: &self.params,
+            tables: &self.tables,
+            ..Environment::default()
+        };
+        tape.run(&environment, voxels, scratch);
+    }
+
+    /// Evaluates a tape at positions off the ray.
+    pub(super) fn run_at<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        ray: &Ray,
+        points: &[Vec3; N],
+    ) {
+        let altitude = |(center, radius): &(Vec3, f64)| {
+            points.map(|p| AltitudeRay::new(p, ray.direction, *center, *radius).at(0.0))
+        };
+        let altitudes: Vec<Nodes> = self.shells.iter().map(altitude).collect();
+        let environment = Environment {
+            position: std::array::from_fn(|c| points.map(|p| p[c])),
+            direction: ray.direction.map(|d| [-d; N]),
+            cos_theta: [0.0; N],
+            time: self.time,
+            altitudes: &altitudes,
+            params: &self.params,
+            tables: &self.tables,
+        };
+        tape.run(&environment, voxels, scratch);
+    }
+}
+
+/// A ray with what the inputs need.
+#[derive(Clone, Debug)]
+pub(super) struct Ray {
+    pub(super) origin: Vec3,
+    /// Unit vector.
+    pub(super) direction: Vec3,
+    altitudes: Vec<AltitudeRay>,
+}
+
+impl Ray {
+    pub(super) fn new(origin: Vec3, direction: Vec3, shells: &[(Vec3, f64)]) -> Self {
+        let altitudes = shells.iter().map(|(c, r)| AltitudeRay::new(origin, direction, *c, *r)).collect();
+        Self { origin, direction, altitudes }
+    }
+
+    pub(super) fn at(&self, t: f64) -> Vec3 {
+        along(self.origin, self.direction, t)
+    }
+}
+
+pub(super) fn with_span(diagnostic: Diagnostic, span: Option<Span>) -> Diagnostic {
+    match span {
+        Some(span) => diagnostic.at(span, ""),
+        None => diagnostic,
+    }
+}
+
+/// A coefficient that is negative (`E0650`) or not finite (`E0651`) at a position. `value` and `position` in SI.
+#[must_use]
+pub fn bad_coefficient(medium: &str, span: Option<Span>, field: &str, value: f64, position: Vec3) -> Diagnostic {
+    let [x, y, z] = position;
+    let place = format!("at ({x:.6}, {y:.6}, {z:.6}) m");
+    let diagnostic = if value < 0.0 && value.is_finite() {
+        Diagnostic::error("E0650", format!("{field} of medium `{medium}` is negative: {value:.6e} {place}"))
+            .hint(format!("clamp it: `{field} = max(0, …)`"))
+    } else {
+        let what = if value.is_nan() { "not a number" } else { "infinite" };
+        Diagnostic::error("E0651", format!("{field} of medium `{medium}` is {what} {place}"))
+            .hint("look for a division by zero, a root or logarithm of a negative number, or an overflow there")
+    };
+    with_span(diagnostic, span)
+}

@@ -1,0 +1,65 @@
+//! The default rule of the language in f64: a fixed number of midpoint steps with the exact exponential inside a step.
+//! Second order on smooth fields; here to measure the backends' convergence against, and independent of them.
+
+use super::field::{Ray, with_span};
+use super::gauss::N;
+use super::panel::constant;
+use super::trace::{BANDS, PerBand, Segment, Sum, Worker};
+use super::{ErrorKind, RayResult};
+use compiler::diagnostic::Diagnostic;
+use compiler::ir::eval::Voxels;
+
+/// Marches `steps` steps, spread over the segments by length, at least one each. The error is not estimated: it is infinite.
+pub(super) fn march<V: Voxels + ?Sized>(
+    worker: &mut Worker<'_, V>,
+    ray: &Ray,
+    segments: &[Segment],
+    behind: &PerBand,
+    steps: u32,
+) -> Result<RayResult, Diagnostic> {
+    let bands = worker.bands;
+    let total: f64 = segments.iter().map(|s| s.end - s.start).sum();
+    let (mut tau, mut radiance) = ([Sum::default(); BANDS], [Sum::default(); BANDS]);
+    for segment in segments {
+        if !segment.end.is_finite() && !segment.uniform {
+            let medium = segment.active.iter().map(|m| &worker.fields.media[*m]).find(|m| !m.field.uniform);
+            let (name, span) = medium.map_or(("", None), |m| (m.name.as_str(), m.span));
+            let message = format!("medium `{name}` never ends along a ray: a fixed number of steps cannot cover it");
+            return Err(
+                with_span(Diagnostic::error("E0652", message), span).hint("give it a `shape`, or leave `steps` out")
+            );
+        }
+        let length = segment.end - segment.start;
+        let count = if segment.uniform { 1.0 } else { (f64::from(steps) * length / total).round().max(1.0) };
+        let h = length / count;
+        let mut done = 0.0;
+        while done < count {
+            let lanes = (count - done).min(N as f64) as usize;
+            let place = |i: f64| if h.is_finite() { segment.start + h * (i + 0.5) } else { segment.start + 0.5 };
+            let ts = std::array::from_fn(|i| place(done + i.min(lanes - 1) as f64));
+            let [sigma, emission] = worker.sample(ray, &segment.active, &ts)?;
+            for lane in 0..lanes {
+                for b in 0..bands {
+                    let slice = constant(h, sigma[b][lane], emission[b][lane]);
+                    radiance[b].add((-tau[b].get()).exp() * slice.radiance);
+                    tau[b].add(slice.tau);
+                }
+            }
+            done += lanes as f64;
+        }
+    }
+    let optical_depth: Vec<f64> = (0..bands).map(|b| tau[b].get()).collect();
+    for b in 0..bands {
+        radiance[b].add((-optical_depth[b]).exp() * behind[b]);
+    }
+    Ok(RayResult {
+        radiance: (0..bands).map(|b| radiance[b].get()).collect(),
+        transmittance: optical_depth.iter().map(|t| (-t).exp()).collect(),
+        error: vec![f64::INFINITY; bands],
+        error_tau: vec![f64::INFINITY; bands],
+        optical_depth,
+        error_kind: ErrorKind::Estimate,
+        evaluations: worker.evaluations,
+        complete: true,
+    })
+}

@@ -1,0 +1,208 @@
+//! The reference engine: the transfer equation in f64, adaptively, to a relative tolerance, with an estimate of its own error.
+//!
+//! It reads the graph as lowered and shares no integration code with the backends, so that a mistake of theirs shows.
+//!
+//! # Method
+//! A ray is cut wherever it enters or leaves a shape (exact interval algebra over closed forms, `shape`), and inside media at
+//! every place where a field may not be smooth: faces of voxels, stops of tables, cells of noise, zeros of the arguments of
+//! `abs`, `min`, `max` and comparisons, peaks of exponentials (`events`). Each stretch becomes panels of eight Gauss–Legendre
+//! nodes (`gauss`, `panel`), which carry their own optical depth, radiance and errors of both; panels are divided until the
+//! composed radiance, depth and transmittance are within the tolerance (`trace`). Errors come from the decay of Legendre
+//! coefficients, so they are estimates; where coefficients are constant to the last bit the closed form is used and the error
+//! is rounding. Rays that never leave a medium are followed in octaves (`tail`).
+//!
+//! Positions and lengths are in the graph's units; the caller converts. `Input::Direction` is the direction in which light
+//! travels, which inside media is against the ray; the background sees the direction of the ray.
+//!
+//! k_s only attenuates here (`scattering = none`).
+
+#![expect(clippy::needless_range_loop, reason = "a band indexes several arrays at once")]
+
+mod events;
+mod field;
+mod fixed;
+mod gauss;
+mod interval;
+mod panel;
+mod project;
+mod render;
+mod shape;
+mod tail;
+#[cfg(test)]
+mod tests;
+mod trace;
+
+pub use field::bad_coefficient;
+pub use render::{Picture, Pixels};
+
+use crate::frame::vector::{Vec3, normalize};
+use compiler::diagnostic::Diagnostic;
+use compiler::ir::eval::Voxels;
+use compiler::ir::{Composite, FieldScene};
+use field::{Fields, Ray};
+use trace::{BANDS, PerBand, Worker};
+
+/// What has to be within the tolerance.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Goal {
+    /// Radiance, optical depth and transmittance: probes.
+    All,
+    /// Radiance alone: pictures.
+    Radiance,
+}
+
+/// How hard to try.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Relative tolerance of the radiance, and of depth and transmittance if they count.
+    pub rtol: f64,
+    /// Absolute tolerance of the radiance, in lx.
+    pub atol: f64,
+    /// What has to be within the tolerance.
+    pub goal: Goal,
+    /// Field evaluations per ray after which a ray is given up and says so.
+    pub max_evaluations: u64,
+    /// Instead of all that: the language's default rule with this many steps.
+    pub steps: Option<u32>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { rtol: 1e-10, atol: 0.0, goal: Goal::All, max_evaluations: 8_000_000, steps: None }
+    }
+}
+
+impl Options {
+    /// For pictures: every pixel within `accuracy · max(white, its radiance)`, with a margin.
+    #[must_use]
+    pub fn accuracy(accuracy: f64, white: f64) -> Self {
+        let rtol = 0.25 * accuracy;
+        Self { rtol, atol: rtol * white, goal: Goal::Radiance, ..Self::default() }
+    }
+}
+
+/// What kind of promise an error is.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// Nothing but rounding was approximated.
+    Bound,
+    /// From the decay of coefficients.
+    Estimate,
+}
+
+impl ErrorKind {
+    /// As in the output of `probe`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bound => "bound",
+            Self::Estimate => "estimate",
+        }
+    }
+}
+
+/// One ray. Lists have one entry per band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RayResult {
+    /// Radiance that reaches the origin, in lx.
+    pub radiance: Vec<f64>,
+    /// e^(−optical depth).
+    pub transmittance: Vec<f64>,
+    /// ∫ (k_a + k_s) along the ray; may be infinite.
+    pub optical_depth: Vec<f64>,
+    /// Error of the radiance.
+    pub error: Vec<f64>,
+    /// Error of the optical depth.
+    pub error_tau: Vec<f64>,
+    /// What the errors are.
+    pub error_kind: ErrorKind,
+    /// Points at which fields were evaluated.
+    pub evaluations: u64,
+    /// False when `max_evaluations` ended the ray before its tolerance was met; the errors still hold.
+    pub complete: bool,
+}
+
+/// A scene of one frame, ready to trace.
+#[derive(Clone, Debug)]
+pub struct Reference<'a, V: ?Sized> {
+    scene: &'a FieldScene,
+    voxels: &'a V,
+    fields: Fields,
+    bands: usize,
+}
+
+impl<'a, V: Voxels + ?Sized> Reference<'a, V> {
+    /// Evaluates what depends on parameters and time, and compiles the fields. `params` are in the graph's units, one list
+    /// per parameter of the scene; `time` is in seconds.
+    ///
+    /// # Errors
+    /// `E0651` when a shape has a value that is not finite; `E0654` when the parameters do not fit the scene.
+    pub fn new(scene: &'a FieldScene, params: &[Vec<f64>], time: f64, voxels: &'a V) -> Result<Self, Diagnostic> {
+        let widths = scene.graph.params.iter().map(|t| t.width() as usize);
+        if params.len() != scene.graph.params.len() || !widths.zip(params).all(|(w, p)| w == p.len()) {
+            let message = format!("the scene has {} params, other values were given", scene.graph.params.len());
+            return Err(Diagnostic::error("E0654", message));
+        }
+        let bands = (scene.bands.count() as usize).clamp(1, BANDS);
+        Ok(Self { scene, voxels, fields: Fields::new(scene, params, time, voxels)?, bands })
+    }
+
+    /// Number of bands of every result.
+    #[must_use]
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+
+    /// Follows one ray from `origin` (in units of length) along `direction` (of any length but zero).
+    ///
+    /// # Errors
+    /// A coefficient that is negative (`E0650`) or not finite (`E0651`) with its medium and place; a medium without end that
+    /// cannot be integrated (`E0652`); a ray without direction (`E0654`).
+    pub fn trace(&self, origin: Vec3, direction: Vec3, options: &Options) -> Result<RayResult, Diagnostic> {
+        self.trace_with(&mut self.worker(), origin, direction, options)
+    }
+
+    fn worker(&self) -> Worker<'_, V> {
+        Worker::new(&self.fields, self.voxels, self.scene.units.length, self.bands)
+    }
+
+    fn trace_with(
+        &self,
+        worker: &mut Worker<'_, V>,
+        origin: Vec3,
+        direction: Vec3,
+        options: &Options,
+    ) -> Result<RayResult, Diagnostic> {
+        let Some(direction) = normalize(direction).filter(|_| crate::frame::vector::is_finite(origin)) else {
+            return Err(Diagnostic::error("E0654", "a ray needs a finite origin and a direction that is not zero"));
+        };
+        let ray = Ray::new(origin, direction, &self.fields.shells);
+        let behind = self.background(&ray)?;
+        match self.scene.render.composite {
+            Composite::Radiance => worker.transfer(&ray, &behind, options),
+            composite @ (Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_)) => {
+                let value = match composite {
+                    Composite::Isosurface(node) => self.fields.number(self.scene, node),
+                    Composite::Radiance | Composite::Maximum | Composite::Minimum | Composite::Average => 0.0,
+                };
+                worker.project(&ray, &behind, composite, value, options)
+            }
+        }
+    }
+
+    /// Radiance behind everything.
+    fn background(&self, ray: &Ray) -> Result<PerBand, Diagnostic> {
+        let tape = &self.fields.background;
+        let mut scratch = tape.scratch();
+        self.fields.run(tape, &mut scratch, self.voxels, ray, &[0.0; gauss::N], true);
+        let behind: PerBand = std::array::from_fn(|b| tape.component(&scratch, 0, b.min(tape.width(0) - 1))[0]);
+        match behind[..self.bands].iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+            None => Ok(behind),
+            Some(v) => {
+                let code = if *v < 0.0 { "E0650" } else { "E0651" };
+                let [x, y, z] = ray.direction;
+                Err(Diagnostic::error(code, format!("the background is {v} in direction ({x:.4}, {y:.4}, {z:.4})")))
+            }
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! Closed forms, invariances and stiff cases, through scenes built node by node.
+
+mod build;
+mod closed;
+mod grids;
+mod project;
+mod stiff;
