@@ -77,7 +77,6 @@ pub(super) fn is_number_text(text: &str) -> bool {
         && digits.replace('_', "").parse::<f64>().is_ok()
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -495,6 +495,14 @@ fn numbers_beyond_f32_are_refused_where_they_stand() {
 }
 
 #[test]
+fn a_wrong_kernel_is_refused_before_naga_sees_it() {
+    let mut e = Writer::new("e", &[], None);
+    e.bind("x", Ty::F32, Expr::Uniform(2));
+    let message = "function `e`: `x`: expected f32, not vec3<f32>";
+    assert_eq!(emit(&kernel(e.f)).err(), Some(EmitError::Kernel(message.into())));
+}
+
+#[test]
 fn every_error_has_an_explained_code() {
     let errors = [
         EmitError::Number { value: 1e99, span: None },

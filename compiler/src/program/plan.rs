@@ -160,7 +160,7 @@ impl UniformLayout {
                 UniformField { name, offset, width, integer, source }
             })
             .collect();
-        Self { fields, size: end.next_multiple_of(16) }
+        Self { fields, size: end.next_multiple_of(16).max(16) }
     }
 }
 

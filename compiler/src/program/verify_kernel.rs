@@ -486,8 +486,6 @@ mod tests {
     fn refused(kernel: &Kernel, what: &str) {
         let message = verify(kernel).expect_err(what);
         assert!(message.contains(what), "`{message}` does not say `{what}`");
-        // What the verifier refuses never reaches naga, and never panics.
-        assert_eq!(crate::emit::emit(kernel).err(), Some(crate::emit::EmitError::Kernel(message)));
     }
 
     #[test]
