@@ -22,13 +22,7 @@ pub(super) struct Callee<'c> {
 }
 
 impl Checker<'_> {
-    pub(super) fn call(
-        &mut self,
-        function: &ast::Name,
-        arguments: &[Argument],
-        span: Span,
-        scope: &mut Scope,
-    ) -> Value {
+    pub(super) fn call(&mut self, function: &ast::Name, arguments: &[Argument], span: Span, scope: &mut Scope) -> Value {
         let name = function.text.as_str();
         match self.find(name, scope) {
             Named::Local(Bound::Grid(id)) => self.sample(id, name, arguments, span, scope),
@@ -123,9 +117,8 @@ impl Checker<'_> {
                     })
                 }
                 Some(name) => names.iter().position(|n| *n == name.text).ok_or_else(|| {
-                    let problem =
-                        Diagnostic::error("E0314", format!("`{}` has no argument `{}`", callee.name, name.text))
-                            .at(name.span, "not one of its arguments");
+                    let problem = Diagnostic::error("E0314", format!("`{}` has no argument `{}`", callee.name, name.text))
+                        .at(name.span, "not one of its arguments");
                     match closest(&name.text, names.iter().copied()).or_else(|| only_other(names, arguments)) {
                         Some(near) => problem.hint(format!("did you mean `{near}`?")),
                         None => problem,
@@ -162,13 +155,7 @@ impl Checker<'_> {
         );
     }
 
-    fn call_builtin(
-        &mut self,
-        signature: &'static Signature,
-        arguments: &[Argument],
-        span: Span,
-        scope: &mut Scope,
-    ) -> Value {
+    fn call_builtin(&mut self, signature: &'static Signature, arguments: &[Argument], span: Span, scope: &mut Scope) -> Value {
         let shown = signature.shown();
         let callee = Callee { name: signature.name, shown: &shown };
         if signature.variadic {
@@ -224,24 +211,15 @@ impl Checker<'_> {
     }
 
     /// A function of the scene or the library.
-    pub(super) fn call_function(
-        &mut self,
-        item: ItemRef,
-        arguments: &[Argument],
-        span: Span,
-        scope: &mut Scope,
-    ) -> Value {
+    pub(super) fn call_function(&mut self, item: ItemRef, arguments: &[Argument], span: Span, scope: &mut Scope) -> Value {
         let modules = self.modules;
         let ast::ItemKind::Function(declared) = &modules.item(item).kind else { return Value::error(span) };
         let Some(signature) = self.signature(item) else { return Value::error(span) };
         let shown = self.shown_function(declared);
         let callee = Callee { name: &signature.name, shown: &shown };
         let names: Vec<&str> = signature.parameters.iter().map(|p| p.name.as_str()).collect();
-        let implicit: Vec<Option<Input>> = signature
-            .parameters
-            .iter()
-            .map(|p| if scope.context.phase { supplied(&p.name, p.ty) } else { None })
-            .collect();
+        let implicit: Vec<Option<Input>> =
+            signature.parameters.iter().map(|p| if scope.context.phase { supplied(&p.name, p.ty) } else { None }).collect();
         let order = positional_order(&implicit, arguments);
         let Some(bound) = self.bind_arguments(callee, &names, &order, arguments) else {
             self.look_into(arguments, scope);
@@ -351,8 +329,7 @@ impl Checker<'_> {
         }
         let words = format!("the key of `{name}`");
         // One key per band gives one value per band.
-        if let (Some((Form::Spectrum, got)), Ty::Numeric(_, dim), Ty::Numeric(_, value)) =
-            (Self::numeric(&key), table.key, table.value)
+        if let (Some((Form::Spectrum, got)), Ty::Numeric(_, dim), Ty::Numeric(_, value)) = (Self::numeric(&key), table.key, table.value)
             && got.unify(dim).is_some()
         {
             return Value::new(ExprKind::Lookup(table.id, key.boxed()), Ty::Numeric(Form::Spectrum, value), span);
@@ -383,12 +360,9 @@ impl Checker<'_> {
         let Some((Form::Vec3, dx)) = Self::numeric(&at) else {
             if !at.ty.is_error() {
                 self.report(
-                    Diagnostic::error(
-                        "E0319",
-                        format!("`gradient` is taken with respect to a vec3, not {}", at.ty.prose()),
-                    )
-                    .at(at.span, format!("this is {}", at.ty.prose()))
-                    .hint("the usual one is the position: `gradient(f, p)`"),
+                    Diagnostic::error("E0319", format!("`gradient` is taken with respect to a vec3, not {}", at.ty.prose()))
+                        .at(at.span, format!("this is {}", at.ty.prose()))
+                        .hint("the usual one is the position: `gradient(f, p)`"),
                 );
             }
             self.expression(f, scope);
@@ -404,9 +378,7 @@ impl Checker<'_> {
             _ => None,
         };
         let function = match named {
-            Some((_, Named::Item(item))) if matches!(self.modules.item(item).kind, ast::ItemKind::Function(_)) => {
-                Some(item)
-            }
+            Some((_, Named::Item(item))) if matches!(self.modules.item(item).kind, ast::ItemKind::Function(_)) => Some(item),
             _ => None,
         };
         let at = if grid.is_some() {
@@ -417,7 +389,10 @@ impl Checker<'_> {
         if at.ty.is_error() {
             return Value::error(span);
         }
-        let variable = matches!(at.kind, ExprKind::Local(_) | ExprKind::Input(Input::Position | Input::Direction));
+        let variable = matches!(
+            at.kind,
+            ExprKind::Local(_) | ExprKind::Input(Input::Position | Input::Direction)
+        );
         // The derivative is with respect to a variable; any other position gets a name.
         let ty = at.ty;
         let (at, binding) = if variable || (grid.is_none() && function.is_none()) {

@@ -77,6 +77,7 @@ pub(super) fn is_number_text(text: &str) -> bool {
         && digits.replace('_', "").parse::<f64>().is_ok()
 }
 
+
 #[cfg(test)]
 mod tests {
     use super::*;

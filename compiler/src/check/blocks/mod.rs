@@ -156,13 +156,7 @@ impl Checker<'_> {
     }
 
     /// A number that must be known when compiling.
-    pub(super) fn fixed_number(
-        &mut self,
-        module: ModuleId,
-        property: &Property,
-        block: &'static str,
-        dim: Dim,
-    ) -> Option<f64> {
+    pub(super) fn fixed_number(&mut self, module: ModuleId, property: &Property, block: &'static str, dim: Dim) -> Option<f64> {
         self.fixed_value(module, &property.value, block, static_name(&property.name.text), dim)
     }
 
@@ -248,7 +242,9 @@ impl Checker<'_> {
         if let Some(Known::Numbers(n)) = self.known(value)
             && n.all().iter().all(|v| *v == 0.0)
         {
-            self.report(Diagnostic::error("E0412", format!("{what} is zero")).at(value.span, consequence.to_owned()));
+            self.report(
+                Diagnostic::error("E0412", format!("{what} is zero")).at(value.span, consequence.to_owned()),
+            );
             return false;
         }
         true
@@ -304,10 +300,7 @@ impl Checker<'_> {
             render.scattering = if scatters { Scattering::Single } else { Scattering::None };
         }
         let drawn = blocks.iter().any(|(_, b)| {
-            matches!(
-                b.kind,
-                BlockKind::Medium | BlockKind::Fog | BlockKind::Surface | BlockKind::Splats | BlockKind::Text
-            )
+            matches!(b.kind, BlockKind::Medium | BlockKind::Fog | BlockKind::Surface | BlockKind::Splats | BlockKind::Text)
         });
         let says_nothing = !drawn && !lights.iter().any(|l| matches!(l.kind, hir::LightKind::Environment { .. }));
         if says_nothing && !self.diagnostics.has_errors() {
@@ -362,59 +355,11 @@ impl Checker<'_> {
 /// Names of properties live as long as the program, so that places can hold them.
 pub(super) fn static_name(name: &str) -> &'static str {
     const NAMES: &[&str] = &[
-        "file",
-        "filter",
-        "outside",
-        "shape",
-        "density",
-        "k_a",
-        "k_s",
-        "k_e",
-        "k_t",
-        "albedo",
-        "mean_free_path",
-        "phase",
-        "transform",
-        "transfer",
-        "direction",
-        "irradiance",
-        "angular_diameter",
-        "position",
-        "intensity",
-        "radius",
-        "environment",
-        "k",
-        "color",
-        "height",
-        "font",
-        "size",
-        "method",
-        "fill",
-        "outline",
-        "style",
-        "content",
-        "at",
-        "align",
-        "emission",
-        "from",
-        "to",
-        "up",
-        "fov",
-        "projection",
-        "aa",
-        "bands",
-        "exposure",
-        "tonemap",
-        "background",
-        "backend",
-        "scattering",
-        "composite",
-        "accuracy",
-        "steps",
-        "slices",
-        "splats",
-        "samples",
-        "max_work",
+        "file", "filter", "outside", "shape", "density", "k_a", "k_s", "k_e", "k_t", "albedo", "mean_free_path", "phase",
+        "transform", "transfer", "direction", "irradiance", "angular_diameter", "position", "intensity", "radius",
+        "environment", "k", "color", "height", "font", "size", "method", "fill", "outline", "style", "content", "at",
+        "align", "emission", "from", "to", "up", "fov", "projection", "aa", "bands", "exposure", "tonemap", "background",
+        "backend", "scattering", "composite", "accuracy", "steps", "slices", "splats", "samples", "max_work",
     ];
     NAMES.iter().find(|n| **n == name).copied().unwrap_or("value")
 }
