@@ -64,6 +64,7 @@ pub(super) fn open(files: &dyn Files, path: &Path, mut input: Input, compressed:
         let partner = partner(path, "img");
         let mut image = files.open(&partner).map_err(|e| LoadError {
             message: format!("has its voxels in `{}`, which {}", partner.display(), e.message),
+            hint: Some("keep header and voxels side by side under one name".into()),
             ..e
         })?;
         let compressed = image.peek(2)? == body::GZIP_MAGIC;
@@ -211,11 +212,11 @@ impl RawHeader {
             }
         }
         if let Some(n) = sizes[3..].iter().position(|n| *n > 1) {
-            let (what, one) = if n == 0 { ("times", "time") } else { ("values a voxel", "value") };
+            let (what, one) = if n == 0 { ("time steps", "time step") } else { ("values a voxel", "of them") };
             return Err(LoadError {
                 code: "E0606",
                 message: format!("holds {} {what}, where a grid has one", sizes[3 + n]),
-                hint: Some(format!("extract one {one} first")),
+                hint: Some(format!("extract one {one} first, for example with `fslroi`")),
             });
         }
         let too_many = |n: i64| LoadError {

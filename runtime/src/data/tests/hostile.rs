@@ -15,7 +15,7 @@ fn broken_nifti_headers() {
         ("eight axes", |b| { b.dim(0, 8); }, "E0603", "8 axes"),
         ("negative size", |b| { b.dim(2, -3); }, "E0603", "-3 samples"),
         ("size zero", |b| { b.dim(3, 0); }, "E0603", "0 samples"),
-        ("four times", |b| { b.dim(0, 4).dim(4, 4); }, "E0606", "4 times"),
+        ("four times", |b| { b.dim(0, 4).dim(4, 4); }, "E0606", "4 time steps"),
         ("vectors", |b| { b.dim(0, 5).dim(4, 1).dim(5, 3); }, "E0606", "3 values a voxel"),
         ("more than there is", |b| { b.dim(1, 3000).dim(2, 1000); }, "E0604", "3000 × 1000 × 4"),
         ("30 TiB", |b| { b.dim(1, 32767).dim(2, 32767).dim(3, 32767); }, "E0608", "16 GiB"),
