@@ -350,6 +350,10 @@ fn the_compiler_touches_no_file_clock_thread_or_environment() {
     }
 }
 
+/// The files that may say `unsafe`, each once: wgpu takes a pipeline cache back on trust, and the environment is changed
+/// before there is a second thread.
+const UNSAFE: &[&str] = &["runtime/src/engine/gpu/pipelines.rs", "cli/src/main.rs"];
+
 #[test]
 fn no_file_is_over_a_thousand_lines_and_none_is_unsafe() {
     let root = repository();
@@ -359,7 +363,8 @@ fn no_file_is_over_a_thousand_lines_and_none_is_unsafe() {
             let lines = text.lines().count();
             assert!(lines <= 1000, "{}: {lines} lines; split it by what it is about", file.display());
             let code = code_of(&text);
-            assert!(words(&code, "unsafe").next().is_none(), "{}: `unsafe`", file.display());
+            let allowed = usize::from(UNSAFE.iter().any(|f| file == root.join(f)));
+            assert!(words(&code, "unsafe").count() <= allowed, "{}: `unsafe`", file.display());
         }
     }
 }

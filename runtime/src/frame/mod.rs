@@ -3,10 +3,24 @@
 //! Pixel coordinates are continuous: (0, 0) is the top left corner of the picture, and pixel `(i, j)` has its centre at
 //! `(i + ½, j + ½)`.
 
+mod bounds;
 mod camera;
+mod eye;
+mod faults;
+mod loader;
+mod measure;
+mod params;
 mod samples;
+mod session;
 pub(crate) mod vector;
 
+pub use bounds::{Ball, scene_bounds};
 pub use camera::{Camera, View};
+pub use eye::{Eye, Frame, pack_ray, white};
+pub use faults::FaultTally;
+pub use loader::{FileLoader, Loaded, STDIN};
+pub use measure::Measured;
+pub use params::Params;
 pub use samples::{sample_offsets, stratified_pixels};
+pub use session::{Cause, Drawing, EngineChoice, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};
 pub use vector::Vec3;

@@ -6,6 +6,7 @@
 mod data;
 mod items;
 mod lowering;
+mod machine;
 mod names;
 mod pending;
 mod syntax;
@@ -24,7 +25,7 @@ pub struct CodeInfo {
 
 /// Every code, in order.
 pub fn all_codes() -> impl Iterator<Item = &'static CodeInfo> {
-    [syntax::CODES, names::CODES, types::CODES, items::CODES, lowering::CODES, data::CODES, pending::CODES]
+    [syntax::CODES, names::CODES, types::CODES, items::CODES, lowering::CODES, data::CODES, machine::CODES, pending::CODES]
         .into_iter()
         .flatten()
 }

@@ -1,0 +1,343 @@
+//! The command line.
+
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use compiler::ir::{Backend, Scattering};
+use runtime::engine::gpu::AdapterChoice;
+use runtime::frame::EngineChoice;
+use std::path::PathBuf;
+
+/// Tyndall, the language for light in matter: draws .vol scenes.
+#[derive(Debug, Parser)]
+#[command(name = "vol", version, arg_required_else_help = true, subcommand_required = true)]
+pub(crate) struct Arguments {
+    /// How results and diagnostics are printed. JSON goes to standard output, one document
+    #[arg(long, global = true, value_enum, default_value = "human")]
+    pub(crate) format: Format,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Names of all commands, in the order of the help.
+pub(crate) fn command_names() -> Vec<String> {
+    Arguments::command().get_subcommands().map(|c| c.get_name().to_owned()).collect()
+}
+
+#[derive(Copy, Clone, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// For people
+    Human,
+    /// For programs
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Draw a scene
+    Render(Box<Render>),
+    /// Print what is wrong with scenes, and nothing else
+    Check(Check),
+    /// Print what the compiler made of a scene
+    Emit(Emit),
+    /// Follow rays: radiance, transmittance and optical depth along each
+    Probe(Box<Probe>),
+    /// Bring scenes into the one format
+    Fmt(Fmt),
+    /// Print the long form of a diagnostic, or a list of all of them
+    Explain(Explain),
+    /// Print what this machine offers, and what is missing
+    Doctor,
+    /// Write a starter scene into a folder
+    New(New),
+}
+
+/// What draws, and how well.
+#[derive(Debug, Args)]
+pub(crate) struct Schedule {
+    /// Instead of `render.backend`
+    #[arg(long, value_enum)]
+    pub(crate) backend: Option<BackendName>,
+    /// Instead of `render.scattering`
+    #[arg(long, value_enum)]
+    pub(crate) scattering: Option<ScatteringName>,
+    /// Instead of `render.accuracy`
+    #[arg(long, allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) accuracy: Option<f64>,
+    /// Instead of `render.steps`
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) steps: Option<u32>,
+}
+
+impl Schedule {
+    pub(crate) fn apply(&self, options: compiler::Options) -> compiler::Options {
+        compiler::Options {
+            backend: self.backend.map(BackendName::backend),
+            scattering: self.scattering.map(ScatteringName::scattering),
+            accuracy: self.accuracy,
+            steps: self.steps,
+            ..options
+        }
+    }
+}
+
+/// Which engine and which adapter.
+#[derive(Debug, Args)]
+pub(crate) struct EngineArguments {
+    /// What computes: a graphics adapter, the processor, or the trusted reference. Default: an adapter if there is one
+    #[arg(long, value_enum)]
+    pub(crate) engine: Option<EngineName>,
+    /// A part of the name of the graphics adapter to use (also from TYNDALL_ADAPTER)
+    #[arg(long)]
+    pub(crate) adapter: Option<String>,
+}
+
+impl EngineArguments {
+    pub(crate) fn choice(&self) -> (EngineChoice, AdapterChoice) {
+        let engine = match self.engine {
+            None => EngineChoice::Auto,
+            Some(EngineName::Gpu) => EngineChoice::Gpu,
+            Some(EngineName::Cpu) => EngineChoice::Cpu,
+            Some(EngineName::Reference) => EngineChoice::Reference,
+        };
+        let adapter = match &self.adapter {
+            Some(name) => AdapterChoice { name: Some(name.clone()) },
+            None => AdapterChoice::from_env(),
+        };
+        (engine, adapter)
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Render {
+    /// The scene; `-` reads it from standard input
+    pub(crate) scene: String,
+    /// The picture: .png, .exr (linear, one channel per band) or .npy. With --frames a name with %04d
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Set a parameter: `density=6` in SI, or with a unit: `"height=2 km"`. Repeats
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub(crate) set: Vec<String>,
+    /// Pixels, instead of `image.size`
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
+    #[command(flatten)]
+    pub(crate) schedule: Schedule,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
+    /// Draw several pictures, both ends included
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    pub(crate) frames: Option<(u32, u32)>,
+    /// Frames per second of `time` with --frames
+    #[arg(long, default_value_t = 24.0, allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) fps: f64,
+    /// Seconds; with --frames, of frame 0
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
+    pub(crate) time: f64,
+    /// Which pixels are compared with the reference
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Bits of a PNG sample
+    #[arg(long, default_value = "8", value_parser = ["8", "16"])]
+    pub(crate) depth: String,
+    /// Do not compare 256 pixels with the reference
+    #[arg(long)]
+    pub(crate) no_check: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// The scenes; `-` reads one from standard input
+    #[arg(required = true)]
+    pub(crate) scenes: Vec<String>,
+    /// Treat warnings as errors
+    #[arg(long, value_name = "WHAT", value_parser = ["warnings"])]
+    pub(crate) deny: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Emit {
+    /// The scene; `-` reads it from standard input
+    pub(crate) scene: String,
+    /// What to print
+    #[arg(long, value_enum, default_value = "wgsl")]
+    pub(crate) target: Target,
+    /// Write to a file instead of standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// The source map: into FILE.map.json beside -o, else instead of the text
+    #[arg(long)]
+    pub(crate) map: bool,
+    /// What was left out, and the line that made it unneeded, instead of the text
+    #[arg(long, conflicts_with = "map")]
+    pub(crate) explain: bool,
+    #[command(flatten)]
+    pub(crate) schedule: Schedule,
+}
+
+#[derive(Copy, Clone, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Target {
+    /// WebGPU
+    Wgsl,
+    /// Vulkan, binary
+    Spirv,
+    /// OpenGL
+    Glsl,
+    /// Direct3D
+    Hlsl,
+    /// Metal
+    Msl,
+    /// The field graph after the passes
+    Ir,
+    /// What is bound, filled and dispatched
+    Plan,
+    /// The field graph for Graphviz
+    Graph,
+    /// The module in naga's own form
+    Naga,
+}
+
+impl Target {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Wgsl => "wgsl",
+            Self::Spirv => "spirv",
+            Self::Glsl => "glsl",
+            Self::Hlsl => "hlsl",
+            Self::Msl => "msl",
+            Self::Ir => "ir",
+            Self::Plan => "plan",
+            Self::Graph => "graph",
+            Self::Naga => "naga",
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Probe {
+    /// The scene; `-` reads it from standard input
+    pub(crate) scene: String,
+    /// Origin in metres and direction. Repeats
+    #[arg(long, value_name = "ox,oy,oz dx,dy,dz", allow_hyphen_values = true, value_parser = ray)]
+    pub(crate) ray: Vec<[f64; 6]>,
+    /// A file with one ray a line: ox,oy,oz,dx,dy,dz
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) rays: Option<PathBuf>,
+    /// Set a parameter: `density=6` in SI, or with a unit: `"height=2 km"`. Repeats
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) schedule: Schedule,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
+    /// Relative tolerance of the reference
+    #[arg(long, default_value_t = 1e-10, allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) rtol: f64,
+    /// Seconds
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
+    pub(crate) time: f64,
+    /// Samples of a stochastic engine; none of today's is
+    #[arg(long, hide = true)]
+    pub(crate) samples: Option<u32>,
+    /// Seed of a stochastic engine; none of today's is
+    #[arg(long, hide = true)]
+    pub(crate) seed: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Fmt {
+    /// The scenes, rewritten in place; `-` goes from standard input to standard output
+    #[arg(required = true)]
+    pub(crate) scenes: Vec<String>,
+    /// Change nothing; exit 1 if something would change
+    #[arg(long)]
+    pub(crate) check: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Explain {
+    /// A code such as E0301
+    pub(crate) code: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct New {
+    /// The folder; made if it does not exist
+    pub(crate) folder: PathBuf,
+}
+
+#[derive(Copy, Clone, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EngineName {
+    /// A graphics adapter
+    Gpu,
+    /// The processor, at the scene's accuracy
+    Cpu,
+    /// The trusted one in f64
+    Reference,
+}
+
+#[derive(Copy, Clone, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendName {
+    /// The compiler chooses
+    Auto,
+    /// Along each ray
+    Raymarch,
+    /// Slice by slice
+    Slicing,
+    /// Splat by splat
+    Splatting,
+}
+
+impl BackendName {
+    fn backend(self) -> Backend {
+        match self {
+            Self::Auto => Backend::Auto,
+            Self::Raymarch => Backend::Raymarch,
+            Self::Slicing => Backend::Slicing,
+            Self::Splatting => Backend::Splatting,
+        }
+    }
+}
+
+#[derive(Copy, Clone, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ScatteringName {
+    /// Emission and extinction
+    None,
+    /// Light scattered once
+    Single,
+    /// All orders
+    Multiple,
+}
+
+impl ScatteringName {
+    fn scattering(self) -> Scattering {
+        match self {
+            Self::None => Scattering::None,
+            Self::Single => Scattering::Single,
+            Self::Multiple => Scattering::Multiple,
+        }
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let parse = |part: &str| part.trim().parse::<u32>().ok().filter(|n| *n > 0);
+    let sides = text.split_once(['x', '×', 'X']).and_then(|(w, h)| Some([parse(w)?, parse(h)?]));
+    sides.ok_or_else(|| "a size is two whole numbers of pixels, such as 640x480".into())
+}
+
+fn frames(text: &str) -> Result<(u32, u32), String> {
+    let range = text.split_once("..").and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    range.filter(|(a, b)| a <= b).ok_or_else(|| "frames are a range such as 0..99, both ends included".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|n| *n > 0.0 && n.is_finite());
+    number.ok_or_else(|| "this is a number greater than 0".into())
+}
+
+/// Six numbers, separated by commas or spaces.
+pub(crate) fn ray(text: &str) -> Result<[f64; 6], String> {
+    let numbers: Option<Vec<f64>> =
+        text.split([',', ' ', '\t', ';']).filter(|p| !p.is_empty()).map(|p| p.parse().ok()).collect();
+    numbers
+        .and_then(|n| <[f64; 6]>::try_from(n).ok())
+        .ok_or_else(|| "a ray is an origin and a direction: \"ox,oy,oz dx,dy,dz\"".into())
+}

@@ -1,0 +1,338 @@
+//! Which adapter draws, and with what: hardware before software, and nothing requested that the program does not use.
+
+use super::errors::{GpuError, GpuErrorKind, Watch};
+use super::pipelines::CacheFile;
+use compiler::program::{Binding, Program};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Most bytes of records (or rays) that one dispatch writes: bounds the memory of tiles, and fits every adapter.
+pub(super) const TILE_BYTES: u64 = 32 << 20;
+
+/// Which adapter is wanted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct AdapterChoice {
+    /// A part of its name, case ignored; `None` takes the best.
+    pub name: Option<String>,
+}
+
+impl AdapterChoice {
+    /// The environment variable that names an adapter.
+    pub const VARIABLE: &'static str = "TYNDALL_ADAPTER";
+
+    /// What [`Self::VARIABLE`] asks for.
+    #[must_use]
+    pub fn from_env() -> Self {
+        Self { name: std::env::var(Self::VARIABLE).ok().filter(|n| !n.is_empty()) }
+    }
+
+    fn accepts(&self, info: &wgpu::AdapterInfo) -> bool {
+        self.name.as_ref().is_none_or(|n| info.name.to_lowercase().contains(&n.to_lowercase()))
+    }
+}
+
+/// What an adapter is.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum AdapterKind {
+    /// A card of its own.
+    Discrete,
+    /// Part of the processor.
+    Integrated,
+    /// A device lent by a host.
+    Virtual,
+    /// Unknown.
+    Other,
+    /// A driver that computes on the processor.
+    Software,
+}
+
+impl AdapterKind {
+    /// Its name in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discrete => "discrete",
+            Self::Integrated => "integrated",
+            Self::Virtual => "virtual",
+            Self::Other => "other",
+            Self::Software => "software",
+        }
+    }
+
+    fn of(info: &wgpu::AdapterInfo) -> Self {
+        match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => Self::Discrete,
+            wgpu::DeviceType::IntegratedGpu => Self::Integrated,
+            wgpu::DeviceType::VirtualGpu => Self::Virtual,
+            wgpu::DeviceType::Other => Self::Other,
+            wgpu::DeviceType::Cpu => Self::Software,
+        }
+    }
+}
+
+/// What a machine offers, for reports.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterReport {
+    /// As the driver calls it.
+    pub name: String,
+    /// `vulkan`, `metal`, `dx12`, …
+    pub api: String,
+    /// What it is.
+    pub kind: AdapterKind,
+    /// Name and version of the driver.
+    pub driver: String,
+    /// Largest side of a grid in voxels.
+    pub max_grid: u32,
+    /// Most bytes of one storage buffer.
+    pub max_storage: u64,
+    /// Most grids in one scene.
+    pub max_grids: u32,
+    /// Whether it measures its own time.
+    pub timestamps: bool,
+    /// Whether compiled pipelines can be kept from run to run.
+    pub pipeline_cache: bool,
+}
+
+impl AdapterReport {
+    fn of(adapter: &wgpu::Adapter) -> Self {
+        let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
+        Self {
+            kind: AdapterKind::of(&info),
+            api: info.backend.to_str().to_owned(),
+            driver: [info.driver.as_str(), info.driver_info.as_str()].join(" ").trim().to_owned(),
+            name: info.name,
+            max_grid: limits.max_texture_dimension_3d,
+            max_storage: limits.max_storage_buffer_binding_size,
+            max_grids: limits.max_sampled_textures_per_shader_stage,
+            timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+            pipeline_cache: features.contains(wgpu::Features::PIPELINE_CACHE),
+        }
+    }
+}
+
+/// Every adapter of the machine, in the order of preference.
+#[must_use]
+pub fn adapters() -> Vec<AdapterReport> {
+    enumerate().iter().map(AdapterReport::of).collect()
+}
+
+fn enumerate() -> Vec<wgpu::Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    // Layers of the driver are for its own developers; they are not installed on most machines.
+    descriptor.flags = wgpu::InstanceFlags::empty().with_env();
+    let backends = wgpu::Backends::PRIMARY.with_env();
+    descriptor.backends = backends;
+    let instance = wgpu::Instance::new(descriptor);
+    let mut found = pollster::block_on(instance.enumerate_adapters(backends));
+    let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
+    found.retain(|a| a.get_downlevel_capabilities().flags.contains(compute));
+    found.sort_by_key(|a| AdapterKind::of(&a.get_info()));
+    found
+}
+
+/// What a program needs of an adapter beyond the least.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// Largest side of a grid, and which grid that is.
+    pub grid: Option<(u32, String)>,
+    /// Grids.
+    pub textures: u32,
+    /// Storage buffers.
+    pub storage_buffers: u32,
+    /// Bytes of the largest storage buffer.
+    pub storage_bytes: u64,
+    /// Bytes of the uniform block, 0 when there is none.
+    pub uniform_bytes: u64,
+    /// Bindings.
+    pub bindings: u32,
+    /// Largest workgroup on each axis.
+    pub workgroup: [u32; 3],
+    /// Most invocations of a workgroup.
+    pub invocations: u32,
+}
+
+impl Needs {
+    /// What this program needs.
+    #[must_use]
+    pub fn of(program: &Program) -> Self {
+        let graph = &program.optimised.graph;
+        let mut needs = Self { bindings: program.plan.bindings.len() as u32, ..Self::default() };
+        for binding in &program.plan.bindings {
+            match binding {
+                Binding::Uniforms => needs.uniform_bytes = u64::from(program.plan.uniforms.size),
+                Binding::Grid(id) => {
+                    let grid = graph.grid(*id);
+                    let side = grid.header.dims.into_iter().max().unwrap_or(1);
+                    needs.textures += 1;
+                    if needs.grid.as_ref().is_none_or(|(most, _)| side > *most) {
+                        needs.grid = Some((side, grid.name.clone()));
+                    }
+                }
+                Binding::Table(id) => {
+                    let table = graph.table(*id);
+                    needs.storage_buffers += 1;
+                    let bytes = table.keys.len() as u64 * (u64::from(table.width) + 1) * 4;
+                    needs.storage_bytes = needs.storage_bytes.max(bytes);
+                }
+                Binding::Rays | Binding::Records => {
+                    needs.storage_buffers += 1;
+                    needs.storage_bytes = needs.storage_bytes.max(TILE_BYTES);
+                }
+            }
+        }
+        for pass in &program.plan.passes {
+            let size = program.kernels[pass.kernel as usize].workgroup;
+            needs.invocations = needs.invocations.max(size.iter().product());
+            needs.workgroup = std::array::from_fn(|i| needs.workgroup[i].max(size[i]));
+        }
+        needs
+    }
+
+    /// The limits to request, or what the adapter lacks.
+    fn limits(&self, offered: &wgpu::Limits) -> Result<wgpu::Limits, GpuError> {
+        let too_large = |message: String| {
+            Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("draw with `--engine cpu`, or on another adapter"))
+        };
+        if let Some((side, name)) = &self.grid
+            && *side > offered.max_texture_dimension_3d
+        {
+            let most = offered.max_texture_dimension_3d;
+            return too_large(format!("grid `{name}` is {side} voxels long; this adapter takes {most}"));
+        }
+        if self.textures > offered.max_sampled_textures_per_shader_stage {
+            let most = offered.max_sampled_textures_per_shader_stage;
+            return too_large(format!("the scene uses {} grids; this adapter takes {most}", self.textures));
+        }
+        if self.storage_buffers > offered.max_storage_buffers_per_shader_stage {
+            let most = offered.max_storage_buffers_per_shader_stage;
+            let message = format!("the scene needs {} buffers; this adapter takes {most}", self.storage_buffers);
+            return too_large(message);
+        }
+        if self.storage_bytes > offered.max_storage_buffer_binding_size.min(offered.max_buffer_size) {
+            let most = offered.max_storage_buffer_binding_size >> 20;
+            let message = format!("a table takes {} MiB; this adapter takes {most}", self.storage_bytes >> 20);
+            return too_large(message);
+        }
+        if self.uniform_bytes > offered.max_uniform_buffer_binding_size {
+            let most = offered.max_uniform_buffer_binding_size;
+            let message = format!("the parameters take {} bytes; this adapter takes {most}", self.uniform_bytes);
+            return too_large(message);
+        }
+        // The least that WebGPU knows, and on top of it what is used. Alignments must be the adapter's own or larger.
+        let least = wgpu::Limits::downlevel_webgl2_defaults();
+        let dispatched = !self.workgroup.contains(&0);
+        Ok(wgpu::Limits {
+            max_texture_dimension_3d: self.grid.as_ref().map_or(0, |g| g.0).max(least.max_texture_dimension_3d),
+            max_sampled_textures_per_shader_stage: self.textures.max(least.max_sampled_textures_per_shader_stage),
+            max_storage_buffers_per_shader_stage: self.storage_buffers,
+            max_storage_buffer_binding_size: self.storage_bytes,
+            max_buffer_size: self.storage_bytes.max(TILE_BYTES + 512).max(least.max_buffer_size.min(TILE_BYTES)),
+            max_uniform_buffer_binding_size: self.uniform_bytes.max(least.max_uniform_buffer_binding_size),
+            max_compute_workgroup_size_x: self.workgroup[0],
+            max_compute_workgroup_size_y: self.workgroup[1],
+            max_compute_workgroup_size_z: self.workgroup[2],
+            max_compute_invocations_per_workgroup: self.invocations,
+            max_compute_workgroups_per_dimension: if dispatched { 65535 } else { 0 },
+            ..least
+        })
+    }
+}
+
+/// An open device.
+#[derive(Debug)]
+pub struct Gpu {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) watch: Watch,
+    pub(super) cache: Option<CacheFile>,
+    pub(super) timestamps: bool,
+    pub(super) created: Arc<AtomicU32>,
+    report: AdapterReport,
+    limits: wgpu::Limits,
+    features: wgpu::Features,
+}
+
+impl Gpu {
+    /// Opens the best adapter that the choice allows and that can hold the program.
+    ///
+    /// # Errors
+    /// No adapter, none of that name, none that is large enough, or no device from its driver.
+    pub fn new(choice: &AdapterChoice, needs: &Needs) -> Result<Self, GpuError> {
+        let all = enumerate();
+        if all.is_empty() {
+            return Err(GpuError::new(GpuErrorKind::NoAdapter, "this machine has no graphics adapter").hint(
+                "install a driver; the package `mesa-vulkan-drivers` has one in software that needs no hardware. \
+                 `--engine cpu` needs none",
+            ));
+        }
+        let names: Vec<String> = all.iter().map(|a| a.get_info().name).collect();
+        let mut failure = None;
+        for adapter in all.into_iter().filter(|a| choice.accepts(&a.get_info())) {
+            match Self::open(&adapter, needs) {
+                Ok(gpu) => return Ok(gpu),
+                Err(error) => _ = failure.get_or_insert(error),
+            }
+        }
+        Err(failure.unwrap_or_else(|| {
+            let wanted = choice.name.as_deref().unwrap_or_default();
+            GpuError::new(GpuErrorKind::NoAdapter, format!("no graphics adapter has `{wanted}` in its name"))
+                .hint(format!("this machine has: {}", names.join(", ")))
+        }))
+    }
+
+    fn open(adapter: &wgpu::Adapter, needs: &Needs) -> Result<Self, GpuError> {
+        let limits = needs.limits(&adapter.limits())?;
+        let optional = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
+        let features = adapter.features() & optional;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("tyndall"),
+            required_features: features,
+            required_limits: limits.clone(),
+            // One large texture and a few buffers: no use for big blocks.
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..Default::default()
+        };
+        let report = AdapterReport::of(adapter);
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| {
+            GpuError::new(GpuErrorKind::Driver, format!("`{}` gives no device: {e}", report.name))
+                .hint("update the driver, or draw with `--engine cpu`")
+        })?;
+        let watch = Watch::new(&device);
+        let cached = features.contains(wgpu::Features::PIPELINE_CACHE);
+        Ok(Self {
+            cache: if cached { CacheFile::open(&device, &adapter.get_info()) } else { None },
+            timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+            created: Arc::default(),
+            device,
+            queue,
+            watch,
+            report,
+            limits,
+            features,
+        })
+    }
+
+    /// What draws.
+    #[must_use]
+    pub fn adapter(&self) -> &AdapterReport {
+        &self.report
+    }
+
+    /// The limits that were requested.
+    #[must_use]
+    pub fn limits(&self) -> &wgpu::Limits {
+        &self.limits
+    }
+
+    /// The features that were requested.
+    #[must_use]
+    pub fn features(&self) -> wgpu::Features {
+        self.features
+    }
+
+    /// How many pipelines this device has compiled: drawing again with other parameters must not add one.
+    #[must_use]
+    pub fn pipelines_created(&self) -> u32 {
+        self.created.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,255 @@
+//! Drawing: a program made ready once, drawn as often as wanted.
+
+use super::adapter::{Gpu, TILE_BYTES};
+use super::errors::{GpuError, GpuErrorKind};
+use super::pipelines::Pipelines;
+use super::readback::{Flight, Slot};
+use super::resources::{GridData, Resources};
+use super::tiles::{Pace, Walk};
+use super::uniforms::{Block, Part};
+use crate::frame::Frame;
+use compiler::emit::Shader;
+use compiler::ir::eval::Tables;
+use compiler::program::{Program, RaySource};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Dispatches under way at once: one computes while another is read back.
+const IN_FLIGHT: usize = 2;
+
+/// A ray as kernels read it: origin xyz, least t, direction xyz, 0, in the scene's units.
+pub type PackedRay = [f32; 8];
+
+/// What one dispatch covered: `size[0] · size[1]` records, row by row, from `origin`. For a list of rays, the first
+/// component alone counts.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Tile {
+    /// First pixel, or first ray.
+    pub origin: [u32; 2],
+    /// Pixels, or rays and 1.
+    pub size: [u32; 2],
+}
+
+/// What a time was measured with.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// Time stamps of the GPU, summed over the dispatches.
+    Gpu,
+    /// The wall clock, from the first submission to the last readback.
+    Wall,
+}
+
+/// What a drawing cost.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct Timing {
+    /// How long it took.
+    pub milliseconds: f64,
+    /// By which clock.
+    pub clock: Clock,
+    /// How many dispatches it was cut into.
+    pub dispatches: u32,
+}
+
+/// Where the rays of a dispatch come from.
+#[derive(Copy, Clone, Debug)]
+pub(super) enum Source<'a> {
+    Camera,
+    List(&'a [PackedRay]),
+}
+
+/// A program on a device: pipelines, grids and buffers. Parameters are data here, never code.
+#[derive(Debug)]
+pub struct Prepared {
+    gpu: Arc<Gpu>,
+    program: Arc<Program>,
+    pipelines: Pipelines,
+    resources: Resources,
+    slots: Vec<Slot>,
+    /// Parameters and time that the tables hold.
+    tables: Option<(Vec<Vec<f64>>, f64, Tables)>,
+}
+
+impl Gpu {
+    /// Compiles the kernels and uploads the grids. `shaders[i]` is kernel `i`; `grids[i]` is grid `i` of the program's graph.
+    ///
+    /// # Errors
+    /// When memory does not suffice or the driver refuses.
+    pub fn prepare(
+        self: &Arc<Self>,
+        program: &Arc<Program>,
+        shaders: Vec<Shader>,
+        grids: &[GridData<'_>],
+    ) -> Result<Prepared, GpuError> {
+        self.prepare_modules(program, shaders.into_iter().map(|s| s.module).collect(), grids)
+    }
+
+    pub(super) fn prepare_modules(
+        self: &Arc<Self>,
+        program: &Arc<Program>,
+        modules: Vec<naga::Module>,
+        grids: &[GridData<'_>],
+    ) -> Result<Prepared, GpuError> {
+        let pipelines = Pipelines::new(self, program, modules)?;
+        let resources = Resources::new(self, program, grids)?;
+        Ok(Prepared {
+            gpu: Arc::clone(self),
+            program: Arc::clone(program),
+            pipelines,
+            resources,
+            slots: vec![],
+            tables: None,
+        })
+    }
+}
+
+impl Prepared {
+    /// The device it is on.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Draws the camera's picture. `take` gets the records of each tile as it arrives: `plan.stride` floats each.
+    ///
+    /// # Errors
+    /// When the device is lost, runs out of memory, or the plan wants a list of rays.
+    pub fn draw(&mut self, frame: &Frame, take: &mut dyn FnMut(Tile, &[f32])) -> Result<Timing, GpuError> {
+        self.expect(RaySource::Camera)?;
+        self.run(frame, Source::Camera, frame.size, take)
+    }
+
+    /// Follows a list of rays; `take` gets their records in parts, in order.
+    ///
+    /// # Errors
+    /// When the device is lost, runs out of memory, or the plan draws from a camera.
+    pub fn trace(
+        &mut self,
+        frame: &Frame,
+        rays: &[PackedRay],
+        take: &mut dyn FnMut(Tile, &[f32]),
+    ) -> Result<Timing, GpuError> {
+        self.expect(RaySource::List)?;
+        let count = u32::try_from(rays.len())
+            .map_err(|_| GpuError::new(GpuErrorKind::TooLarge, "more than 4294967295 rays at once"))?;
+        self.run(frame, Source::List(rays), [count, 1], take)
+    }
+
+    fn expect(&self, rays: RaySource) -> Result<(), GpuError> {
+        if self.program.plan.rays == rays {
+            return Ok(());
+        }
+        Err(GpuError::new(GpuErrorKind::Validation, "this program was compiled for another source of rays"))
+    }
+
+    fn run(
+        &mut self,
+        frame: &Frame,
+        source: Source<'_>,
+        size: [u32; 2],
+        take: &mut dyn FnMut(Tile, &[f32]),
+    ) -> Result<Timing, GpuError> {
+        let result = self.tiles(frame, source, size, take);
+        if result.is_err() {
+            // A given-up dispatch leaves its buffers mapped or in use.
+            self.slots.clear();
+        }
+        result
+    }
+
+    /// Evaluates the tables if the parameters or the time changed.
+    fn evaluate(&mut self, frame: &Frame) -> Block {
+        let fresh = matches!(&self.tables, Some((p, t, _)) if *p == frame.params && *t == frame.time);
+        if !fresh {
+            let tables = Tables::evaluate(&self.program.optimised.graph, &frame.params, frame.time);
+            self.resources.write_tables(&self.gpu, &tables);
+            self.tables = Some((frame.params.clone(), frame.time, tables));
+        }
+        let none = Tables::default();
+        let tables = self.tables.as_ref().map_or(&none, |(_, _, t)| t);
+        Block::new(&self.program, frame, tables)
+    }
+
+    fn tiles(
+        &mut self,
+        frame: &Frame,
+        source: Source<'_>,
+        size: [u32; 2],
+        take: &mut dyn FnMut(Tile, &[f32]),
+    ) -> Result<Timing, GpuError> {
+        self.gpu.watch.check()?;
+        let mut block = self.evaluate(frame);
+        let plan = &self.program.plan;
+        let record = u64::from(plan.stride.max(1)) * 4;
+        let bytes = match source {
+            Source::Camera => record,
+            Source::List(_) => record.max(size_of::<PackedRay>() as u64),
+        };
+        let total = u64::from(size[0]) * u64::from(size[1]);
+        let work = plan.work_per_ray.max(1).saturating_mul(plan.samples.max(1));
+        let mut pace = Pace::new(work, total, TILE_BYTES / bytes);
+        let group = plan.passes.iter().map(|p| self.program.kernels[p.kernel as usize].workgroup).next();
+        let group = group.unwrap_or([1; 3]);
+        let mut walk = Walk::new(size, [group[0], group[1]]);
+        let largest = pace.most().min(total);
+        if !self.slots.iter().all(|s| s.holds(&self.program, largest)) {
+            self.slots.clear();
+        }
+        let mut free: Vec<usize> = (0..IN_FLIGHT).collect();
+        let mut flights: VecDeque<Flight> = VecDeque::new();
+        let started = Instant::now();
+        let (mut last, mut stamped, mut dispatches, mut unstamped) = (started, 0.0, 0, false);
+        loop {
+            while let Some(slot) = free.last().copied() {
+                let Some(part) = walk.next(pace.budget()) else { break };
+                while self.slots.len() <= slot {
+                    let new = Slot::new(&self.gpu, &self.program, &self.pipelines, &self.resources, largest)?;
+                    self.slots.push(new);
+                }
+                let bytes = block.part(part);
+                let job = (slot, part);
+                flights.push_back(self.slots[slot].submit(
+                    &self.gpu,
+                    &self.program,
+                    &self.pipelines,
+                    job,
+                    bytes,
+                    source,
+                )?);
+                free.pop();
+                dispatches += 1;
+            }
+            let Some(flight) = flights.pop_front() else { break };
+            let Flight { slot, part, submitted, .. } = flight;
+            let tile = Tile::from(part);
+            let mut done = started;
+            let seconds = self.slots[slot].retire(&self.gpu, flight, &mut |records| {
+                done = Instant::now();
+                take(tile, records);
+            })?;
+            free.push(slot);
+            // A dispatch starts when it is submitted or when the one before it ends.
+            let wall = done.saturating_duration_since(submitted.max(last)).as_secs_f64();
+            last = done;
+            match seconds {
+                Some(seconds) => stamped += seconds,
+                None => unstamped = true,
+            }
+            let area = u64::from(part.size[0]) * u64::from(part.size[1]);
+            // Stamps of some drivers miss work that they put off; the longer of the two is the safe one for pace.
+            pace.took(area, seconds.unwrap_or(0.0).max(wall));
+        }
+        let gpu_clock = self.gpu.timestamps && !unstamped && dispatches > 0;
+        Ok(Timing {
+            milliseconds: 1e3 * if gpu_clock { stamped } else { started.elapsed().as_secs_f64() },
+            clock: if gpu_clock { Clock::Gpu } else { Clock::Wall },
+            dispatches,
+        })
+    }
+}
+
+impl From<Part> for Tile {
+    fn from(part: Part) -> Self {
+        Self { origin: part.origin, size: part.size }
+    }
+}

@@ -1,0 +1,127 @@
+//! Grids as textures and tables as buffers.
+
+use super::adapter::Gpu;
+use super::errors::GpuError;
+use super::pipelines::texture_format;
+use super::uniforms::{table_rows, to_f32};
+use compiler::ir::TableId;
+use compiler::ir::eval::Tables;
+use compiler::loader::{GridHeader, Scalar};
+use compiler::program::{Binding, Program};
+
+/// Voxels in memory: x fastest, in the machine's byte order, as many as the header says.
+#[derive(Copy, Clone, Debug)]
+pub struct GridData<'a> {
+    /// Size and type.
+    pub header: &'a GridHeader,
+    /// The stored samples.
+    pub bytes: &'a [u8],
+}
+
+/// Bytes that are handed to wgpu at once. It keeps a copy until the upload is done, so this bounds that copy.
+const SLAB: usize = 8 << 20;
+
+/// What the bindings of a plan name, but for what each dispatch has of its own.
+#[derive(Debug)]
+pub(super) struct Resources {
+    /// Views of grids, in the order of the bindings that name them.
+    pub(super) grids: Vec<wgpu::TextureView>,
+    /// Tables likewise.
+    pub(super) tables: Vec<(TableId, wgpu::Buffer, Vec<f32>)>,
+}
+
+impl Resources {
+    pub(super) fn new(gpu: &Gpu, program: &Program, grids: &[GridData<'_>]) -> Result<Self, GpuError> {
+        let mut resources = Self { grids: vec![], tables: vec![] };
+        for binding in &program.plan.bindings {
+            match binding {
+                Binding::Grid(id) => {
+                    let name = &program.optimised.graph.grid(*id).name;
+                    resources.grids.push(upload(gpu, name, grids[id.0 as usize])?);
+                }
+                Binding::Table(id) => {
+                    let table = program.optimised.graph.table(*id);
+                    let size = table.keys.len() as u64 * (u64::from(table.width) + 1) * 4;
+                    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some(&table.name),
+                        size,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                        mapped_at_creation: false,
+                    });
+                    resources.tables.push((*id, buffer, vec![]));
+                }
+                Binding::Uniforms | Binding::Rays | Binding::Records => {}
+            }
+        }
+        gpu.watch.check()?;
+        Ok(resources)
+    }
+
+    /// Writes the tables whose contents changed since the last drawing.
+    pub(super) fn write_tables(&mut self, gpu: &Gpu, tables: &Tables) {
+        for (id, buffer, last) in &mut self.tables {
+            let rows = table_rows(tables, *id);
+            // By bits: a NaN equals itself here.
+            if bytemuck::cast_slice::<f32, u8>(&rows) != bytemuck::cast_slice::<f32, u8>(last) {
+                gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&rows));
+                *last = rows;
+            }
+        }
+    }
+}
+
+/// Converts 64-bit samples; everything else is uploaded as it lies in memory.
+fn convert(scalar: Scalar, bytes: &[u8]) -> Option<Vec<f32>> {
+    let eight = |f: fn([u8; 8]) -> f64| bytes.as_chunks::<8>().0.iter().map(|b| to_f32(f(*b))).collect();
+    match scalar {
+        Scalar::U64 => Some(eight(|b| u64::from_ne_bytes(b) as f64)),
+        Scalar::I64 => Some(eight(|b| i64::from_ne_bytes(b) as f64)),
+        Scalar::F64 => Some(eight(f64::from_ne_bytes)),
+        Scalar::U8 | Scalar::I8 | Scalar::U16 | Scalar::I16 | Scalar::U32 | Scalar::I32 | Scalar::F32 => None,
+    }
+}
+
+fn upload(gpu: &Gpu, name: &str, grid: GridData<'_>) -> Result<wgpu::TextureView, GpuError> {
+    let [width, height, depth] = grid.header.dims;
+    let scalar = grid.header.scalar;
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(name),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: depth },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format: texture_format(scalar),
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.watch.check()?;
+    let row = width as usize * scalar.bytes();
+    let texel_row = width * scalar.bytes().min(4) as u32;
+    // Whole slices where several fit into a slab, else rows of one slice.
+    let rows = (SLAB / row.max(1)).clamp(1, height as usize) as u32;
+    let slices = if rows < height { 1 } else { (SLAB / (row * height as usize)).clamp(1, depth as usize) as u32 };
+    for z in (0..depth).step_by(slices as usize) {
+        for y in (0..height).step_by(rows as usize) {
+            let (rows, slices) = (rows.min(height - y), slices.min(depth - z));
+            let first = (z as usize * height as usize + y as usize) * row;
+            let samples = &grid.bytes[first..first + row * rows as usize * slices as usize];
+            let converted = convert(scalar, samples);
+            let data = converted.as_ref().map_or(samples, |c| bytemuck::cast_slice(c));
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture: &texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y, z },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                data,
+                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(texel_row), rows_per_image: Some(rows) },
+                wgpu::Extent3d { width, height: rows, depth_or_array_layers: slices },
+            );
+            // Wait for it, or wgpu would hold a copy of the whole grid.
+            let index = gpu.queue.submit([]);
+            gpu.watch.wait(index)?;
+        }
+    }
+    Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+}

@@ -1,0 +1,126 @@
+//! Contents of the uniform block and of tables: evaluated in f64, stored as the shader sees them.
+
+use crate::frame::Frame;
+use compiler::ir::TableId;
+use compiler::ir::eval::{Tables, evaluate_with};
+use compiler::program::{FrameValue, Program, UniformField, UniformSource};
+
+/// The part of a drawing that one dispatch covers.
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Part {
+    /// First pixel of a tile.
+    pub(super) origin: [u32; 2],
+    /// Pixels of a tile.
+    pub(super) size: [u32; 2],
+    /// Rays of the list.
+    pub(super) rays: u32,
+}
+
+/// The f32 nearest to a number. What f32 cannot hold becomes the largest it can, so that a coefficient of 1e40 is opaque
+/// rather than a fault; what has no finite value stays so and is found by the kernel.
+pub(super) fn to_f32(x: f64) -> f32 {
+    if x.is_finite() { (x as f32).clamp(f32::MIN, f32::MAX) } else { x as f32 }
+}
+
+/// The uniform block of one drawing; [`Block::part`] fills in what changes from dispatch to dispatch.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    bytes: Vec<u8>,
+    moving: Vec<UniformField>,
+}
+
+impl Block {
+    /// Evaluates everything that is the same in the whole drawing.
+    pub(super) fn new(program: &Program, frame: &Frame, tables: &Tables) -> Self {
+        let layout = &program.plan.uniforms;
+        let nodes: Vec<_> = layout
+            .fields
+            .iter()
+            .filter_map(|f| match f.source {
+                UniformSource::Node(id) => Some(id),
+                UniformSource::Frame(_) => None,
+            })
+            .collect();
+        let graph = &program.optimised.graph;
+        let mut values = evaluate_with(graph, &nodes, &frame.params, frame.time, tables).into_iter();
+        let mut block = Self { bytes: vec![0; layout.size as usize], moving: vec![] };
+        for field in &layout.fields {
+            match field.source {
+                UniformSource::Node(_) => block.store(field, &values.next().unwrap_or_default()),
+                UniformSource::Frame(value) => match still(value, frame) {
+                    Some(value) => block.store(field, &value),
+                    None => block.moving.push(field.clone()),
+                },
+            }
+        }
+        block
+    }
+
+    /// The bytes for one dispatch.
+    pub(super) fn part(&mut self, part: Part) -> &[u8] {
+        for field in std::mem::take(&mut self.moving) {
+            if let UniformSource::Frame(value) = field.source {
+                self.store(&field, &of_part(value, part));
+            }
+            self.moving.push(field);
+        }
+        &self.bytes
+    }
+
+    fn store(&mut self, field: &UniformField, values: &[f64]) {
+        let start = field.offset as usize;
+        for (slot, value) in self.bytes[start..].chunks_exact_mut(4).zip(values).take(field.width as usize) {
+            let bits = if field.integer { *value as u32 } else { to_f32(*value).to_bits() };
+            slot.copy_from_slice(&bits.to_ne_bytes());
+        }
+    }
+}
+
+/// The value, if it is the same in every dispatch.
+fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
+    let eye = &frame.eye;
+    Some(match value {
+        FrameValue::TileOrigin | FrameValue::TileSize | FrameValue::RayCount => return None,
+        FrameValue::ImageSize => frame.size.map(f64::from).to_vec(),
+        FrameValue::CameraAnchor => eye.anchor.to_vec(),
+        FrameValue::CameraForward => eye.forward.to_vec(),
+        FrameValue::CameraRight => eye.right.to_vec(),
+        FrameValue::CameraUp => eye.up.to_vec(),
+        FrameValue::CameraPlane => vec![eye.plane],
+        FrameValue::Accuracy => vec![frame.accuracy],
+        FrameValue::White => vec![frame.white],
+        FrameValue::Steps => vec![f64::from(frame.steps)],
+        FrameValue::MaxWork => vec![f64::from(frame.max_work)],
+        FrameValue::PixelScale => vec![f64::from(frame.size[1]) / 2.0],
+    })
+}
+
+fn of_part(value: FrameValue, part: Part) -> Vec<f64> {
+    match value {
+        FrameValue::TileOrigin => part.origin.map(f64::from).to_vec(),
+        FrameValue::TileSize => part.size.map(f64::from).to_vec(),
+        FrameValue::RayCount => vec![f64::from(part.rays)],
+        FrameValue::ImageSize
+        | FrameValue::CameraAnchor
+        | FrameValue::CameraForward
+        | FrameValue::CameraRight
+        | FrameValue::CameraUp
+        | FrameValue::CameraPlane
+        | FrameValue::Accuracy
+        | FrameValue::White
+        | FrameValue::Steps
+        | FrameValue::MaxWork
+        | FrameValue::PixelScale => vec![],
+    }
+}
+
+/// A table as the shader reads it: per row its key, then its values.
+pub(super) fn table_rows(tables: &Tables, id: TableId) -> Vec<f32> {
+    let table = tables.get(id);
+    let mut rows = Vec::with_capacity(table.keys.len() * (table.width + 1));
+    for (key, values) in table.keys.iter().zip(table.values.chunks(table.width.max(1))) {
+        rows.push(to_f32(*key));
+        rows.extend(values.iter().map(|v| to_f32(*v)));
+    }
+    rows
+}

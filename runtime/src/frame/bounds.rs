@@ -1,0 +1,127 @@
+//! A ball around the scene, for choosing where rays begin.
+
+use super::Vec3;
+use super::vector::{add, cross, dot, is_finite, length, scale, sub};
+use compiler::ir::eval::evaluate_frame;
+use compiler::ir::{Affine, FieldScene, NodeId, Primitive, PrimitiveKind, Shape};
+
+/// A ball that holds something.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct Ball {
+    /// Its centre, in the scene's units.
+    pub center: Vec3,
+    /// Its radius, in the scene's units.
+    pub radius: f64,
+}
+
+impl Ball {
+    /// A ball around both.
+    fn with(self, other: Self) -> Self {
+        let gap = sub(other.center, self.center);
+        let distance = length(gap);
+        if distance + other.radius <= self.radius {
+            return self;
+        }
+        if distance + self.radius <= other.radius {
+            return other;
+        }
+        let radius = (distance + self.radius + other.radius) / 2.0;
+        Self { center: add(self.center, scale(gap, (radius - self.radius) / distance)), radius }
+    }
+}
+
+/// A ball around every medium; `None` when one of them has no bounds that are easily seen, or there is none.
+/// Params are in the graph's units.
+#[must_use]
+pub fn scene_bounds(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Option<Ball> {
+    let of = |nodes: &[NodeId]| evaluate_frame(&scene.graph, nodes, params, time);
+    let balls: Option<Vec<Ball>> = scene.media.iter().map(|m| shape(&m.shape, &of)).collect();
+    balls?.into_iter().reduce(Ball::with).filter(|b| b.radius > 0.0 && b.radius.is_finite())
+}
+
+type Evaluate<'a> = dyn Fn(&[NodeId]) -> Vec<Vec<f64>> + 'a;
+
+fn shape(s: &Shape, of: &Evaluate<'_>) -> Option<Ball> {
+    match s {
+        Shape::Everywhere => None,
+        Shape::Primitive(p) => primitive(p, of),
+        Shape::Union(parts) => {
+            let balls: Option<Vec<Ball>> = parts.iter().map(|p| shape(p, of)).collect();
+            balls?.into_iter().reduce(Ball::with)
+        }
+        Shape::Intersection(parts) => {
+            parts.iter().filter_map(|p| shape(p, of)).min_by(|a, b| a.radius.total_cmp(&b.radius))
+        }
+        Shape::Difference(first, _) => shape(first, of),
+    }
+}
+
+fn primitive(p: &Primitive, of: &Evaluate<'_>) -> Option<Ball> {
+    // Middle and half the size of a box around it, in its own space.
+    let (center, half) = match p.kind {
+        PrimitiveKind::Sphere { center, radius } | PrimitiveKind::Shell { center, outer: radius, .. } => {
+            let v = of(&[center, radius]);
+            (three(&v[0]), [v[1][0]; 3])
+        }
+        PrimitiveKind::Ellipsoid { center, radii } => {
+            let v = of(&[center, radii]);
+            (three(&v[0]), three(&v[1]))
+        }
+        PrimitiveKind::Box { min, max } => {
+            let v = of(&[min, max]);
+            let (min, max) = (three(&v[0]), three(&v[1]));
+            (scale(add(min, max), 0.5), scale(sub(max, min), 0.5))
+        }
+        PrimitiveKind::Cylinder { from, to, radius } => {
+            let v = of(&[from, to, radius]);
+            let (from, to) = (three(&v[0]), three(&v[1]));
+            let reach = sub(to, from).map(|x| x.abs() / 2.0 + v[2][0]);
+            (scale(add(from, to), 0.5), reach)
+        }
+        PrimitiveKind::Slab { .. } | PrimitiveKind::Sdf { .. } => return None,
+    };
+    let world = match p.from_world {
+        None => Some(Ball { center, radius: length(half) }),
+        Some(affine) => placed(&affine, center, half, of),
+    };
+    // A sphere is its own ball, not that of the cube around it.
+    match (p.kind, p.from_world) {
+        (PrimitiveKind::Sphere { .. } | PrimitiveKind::Shell { .. }, None) => Some(Ball { center, radius: half[0] }),
+        _ => world,
+    }
+}
+
+/// A box of the primitive's own space, in the world.
+fn placed(affine: &Affine, center: Vec3, half: Vec3, of: &Evaluate<'_>) -> Option<Ball> {
+    let [x, y, z] = affine.rows;
+    let v = of(&[x, y, z, affine.offset]);
+    let rows = [0, 1, 2].map(|i| three(&v[i]));
+    // Columns of the inverse.
+    let columns = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])];
+    let determinant = dot(rows[0], columns[0]);
+    let to_world = |p: Vec3| (0..3).fold([0.0; 3], |sum, i| add(sum, scale(columns[i], p[i] / determinant)));
+    let middle = to_world(sub(center, three(&v[3])));
+    let corner = |sx: f64, sy: f64| length(to_world([sx * half[0], sy * half[1], half[2]]));
+    let corners = [corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(-1.0, -1.0)];
+    let ball = Ball { center: middle, radius: corners.into_iter().fold(0.0, f64::max) };
+    (is_finite(middle) && ball.radius.is_finite()).then_some(ball)
+}
+
+fn three(v: &[f64]) -> Vec3 {
+    std::array::from_fn(|i| v.get(i).or(v.last()).copied().unwrap_or(f64::NAN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_around_two_balls() {
+        let a = Ball { center: [0.0; 3], radius: 1.0 };
+        let b = Ball { center: [4.0, 0.0, 0.0], radius: 2.0 };
+        assert_eq!(a.with(b), Ball { center: [2.5, 0.0, 0.0], radius: 3.5 });
+        let inside = Ball { center: [0.1, 0.0, 0.0], radius: 0.5 };
+        assert_eq!(a.with(inside), a);
+        assert_eq!(inside.with(a), a);
+    }
+}

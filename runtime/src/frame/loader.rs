@@ -1,0 +1,162 @@
+//! The files of the machine, for the compiler and for the engines.
+
+use crate::data::{self, LoadWarning, Volume};
+use compiler::ir::GridInfo;
+use compiler::loader::{GridHeader, LoadError, Loader};
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+
+/// The name of a scene that is read from standard input.
+pub const STDIN: &str = "-";
+
+/// Texts longer than this are no scenes.
+const MAX_TEXT: u64 = 64 << 20;
+
+/// Reads modules and grids from the file system. Paths in a scene are relative to the file that names them; names of
+/// sources are relative to `root`, and the scene from standard input lies in `root` itself.
+#[derive(Clone, Debug)]
+pub struct FileLoader {
+    root: PathBuf,
+}
+
+impl Default for FileLoader {
+    /// Relative to the folder in which the program was started.
+    fn default() -> Self {
+        Self::new("")
+    }
+}
+
+impl FileLoader {
+    /// Names are relative to this folder.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// The name of what `path` means in the source `from`.
+    fn resolve(from: &str, path: &str) -> String {
+        let folder = if from == STDIN { Path::new("") } else { Path::new(from).parent().unwrap_or(Path::new("")) };
+        let mut parts: Vec<Component<'_>> = vec![];
+        let joined = folder.join(path);
+        for part in joined.components() {
+            match (part, parts.last()) {
+                (Component::CurDir, _) => {}
+                (Component::ParentDir, Some(Component::Normal(_))) => _ = parts.pop(),
+                _ => parts.push(part),
+            }
+        }
+        let name: PathBuf = parts.iter().collect();
+        // One spelling on every system, since diagnostics and snapshots print it.
+        name.to_string_lossy().replace('\\', "/")
+    }
+
+    /// Reads a scene or a module.
+    ///
+    /// # Errors
+    /// `E0601` when there is no such file, it is a folder, too long, or no UTF-8.
+    pub fn text(&self, name: &str) -> Result<String, LoadError> {
+        let fail = |what: &str, hint: Option<&str>| LoadError {
+            code: "E0601",
+            message: format!("`{name}` {what}"),
+            hint: hint.map(Into::into),
+        };
+        let path = self.root.join(name);
+        let facts = fs::metadata(&path).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => fail("does not exist", None),
+            _ => fail(&format!("cannot be read: {e}"), None),
+        })?;
+        if facts.is_dir() {
+            return Err(fail("is a folder, not a file", None));
+        }
+        if facts.len() > MAX_TEXT {
+            return Err(fail("is too long for a scene", None));
+        }
+        let bytes = fs::read(&path).map_err(|e| fail(&format!("cannot be read: {e}"), None))?;
+        String::from_utf8(bytes).map_err(|_| fail("is not UTF-8 text", Some("scenes are text in UTF-8")))
+    }
+
+    /// Reads the grids of a program, each file once. Element `i` is grid `i`.
+    ///
+    /// # Errors
+    /// What the readers report, with the grid's declaration.
+    pub fn volumes(&self, grids: &[GridInfo]) -> Result<Vec<Loaded>, (LoadError, usize)> {
+        let mut loaded: Vec<Loaded> = vec![];
+        for (i, grid) in grids.iter().enumerate() {
+            let name = Self::resolve(&grid.from, &grid.path);
+            if let Some(same) = loaded.iter().find(|l| l.name == name) {
+                loaded.push(Loaded { warnings: vec![], ..same.clone() });
+                continue;
+            }
+            let (volume, warnings) = data::read_volume(&self.root.join(&name)).map_err(|e| (e, i))?;
+            // By their text: a number that is not one differs from itself, and must not here.
+            if format!("{:?}", volume.header()) != format!("{:?}", grid.header) {
+                let error = LoadError {
+                    code: "E0601",
+                    message: format!("`{name}` changed while it was read"),
+                    hint: Some("start again".into()),
+                };
+                return Err((error, i));
+            }
+            loaded.push(Loaded { name, volume: Arc::new(volume), warnings });
+        }
+        Ok(loaded)
+    }
+}
+
+/// One grid in memory.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// Name of the file.
+    pub name: String,
+    /// Its voxels.
+    pub volume: Arc<Volume>,
+    /// What is worth telling; once for each file.
+    pub warnings: Vec<LoadWarning>,
+}
+
+impl Loader for FileLoader {
+    fn module(&self, from: &str, path: &str) -> Result<(String, String), LoadError> {
+        let name = Self::resolve(from, path);
+        self.text(&name).map(|text| (name, text))
+    }
+
+    fn grid(&self, from: &str, path: &str) -> Result<GridHeader, LoadError> {
+        data::read_header(&self.root.join(Self::resolve(from, path)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_relative_to_the_file_that_names_them() {
+        for (from, path, expected) in [
+            ("examples/brain.vol", "data/b.nii", "examples/data/b.nii"),
+            ("examples/brain.vol", "./data/../b.nii", "examples/b.nii"),
+            ("examples/brain.vol", "../b.nii", "b.nii"),
+            ("brain.vol", "../b.nii", "../b.nii"),
+            ("../x/brain.vol", "../../b.nii", "../../b.nii"),
+            ("/a/b.vol", "c.nii", "/a/c.nii"),
+            ("a/b.vol", "/c.nii", "/c.nii"),
+            (STDIN, "data/b.nii", "data/b.nii"),
+        ] {
+            assert_eq!(FileLoader::resolve(from, path), expected, "{from} {path}");
+        }
+    }
+
+    #[test]
+    fn folders_missing_files_and_binaries_are_refused() {
+        let folder = tempfile::tempdir().expect("a scratch folder");
+        fs::write(folder.path().join("a.vol"), [0xff, 0xfe]).expect("written");
+        fs::write(folder.path().join("b.vol"), "// Туман").expect("written");
+        fs::create_dir(folder.path().join("lib")).expect("made");
+        let loader = FileLoader::new(folder.path());
+        assert_eq!(loader.module("lib/x.vol", "../b.vol").expect("reads"), ("b.vol".into(), "// Туман".into()));
+        for (name, what) in [("a.vol", "UTF-8"), ("lib", "folder"), ("c.vol", "does not exist")] {
+            let error = loader.module(STDIN, name).expect_err(name);
+            assert!(error.message.contains(what), "{}", error.message);
+        }
+        assert_eq!(loader.grid(STDIN, "c.nii").expect_err("is missing").code, "E0601");
+    }
+}

@@ -1,0 +1,132 @@
+//! How far a picture is from the reference.
+
+use super::session::Drawing;
+use super::{Camera, sample_offsets, stratified_pixels};
+use crate::engine::reference::{Goal, Options, Reference};
+use compiler::diagnostic::Diagnostic;
+use compiler::ir::eval::Voxels;
+
+/// Samples of a pixel that straddles an edge, where the picture says what share of the pixel each side has.
+const COVERAGE: u32 = 256;
+
+/// The measured error of a picture, in lx, over the pixels and bands that were compared. Pixels that straddle an edge are
+/// counted apart: within rounding of the edge either side is right.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Pixels that were compared and do not straddle an edge.
+    pub pixels: u32,
+    /// The largest difference.
+    pub max: f64,
+    /// The root of the mean square.
+    pub rms: f64,
+    /// The largest difference as a multiple of what `accuracy` allows in its pixel.
+    pub share: f64,
+    /// Pixels that straddle an edge.
+    pub straddling: u32,
+    /// The largest difference among those.
+    pub straddling_max: f64,
+    /// The largest error of the reference itself.
+    pub reference_error: f64,
+}
+
+/// Rays per pixel that stand for the truth.
+#[derive(Copy, Clone, Debug)]
+pub(super) struct Samples {
+    /// In pixels that do not straddle an edge.
+    plain: u32,
+    /// In those that do.
+    edges: u32,
+}
+
+impl Samples {
+    /// For a picture of `samples` rays per pixel whose edges are smoothed by area, or not.
+    pub(super) fn new(samples: u32, by_area: bool) -> Self {
+        Self { plain: samples, edges: if by_area { COVERAGE } else { samples } }
+    }
+}
+
+impl Measured {
+    /// Whether every pixel that does not straddle an edge is within the scene's accuracy.
+    #[must_use]
+    pub fn within(&self) -> bool {
+        self.share <= 1.0
+    }
+
+    /// Compares `spread.0` pixels chosen by the seed `spread.1`; `allowed` is (A, W) of `accuracy`.
+    pub(super) fn of<V: Voxels + ?Sized>(
+        reference: &Reference<'_, V>,
+        camera: &Camera,
+        drawing: &Drawing,
+        samples: Samples,
+        spread: (u32, u64),
+        allowed: (f64, f64),
+    ) -> Result<Self, Diagnostic> {
+        let (accuracy, white) = allowed;
+        let chosen = stratified_pixels(camera.size, spread.0, spread.1);
+        // A hundred times better than what is checked is enough to check it.
+        let rtol = (accuracy / 100.0).clamp(1e-12, 1e-4);
+        let options = Options { rtol, atol: rtol * white, goal: Goal::Radiance, ..Options::default() };
+        let straddles = |[x, y]: [u32; 2]| {
+            let at = y as usize * camera.size[0] as usize + x as usize;
+            drawing.edges.get(at).copied().unwrap_or(false)
+        };
+        let (edges, plain): (Vec<_>, Vec<_>) = chosen.into_iter().partition(|p| straddles(*p));
+        let truth = reference.pixels(camera, &plain, &sample_offsets(samples.plain), &options)?;
+        // An edge is a share of the pixel, which takes many rays to count and no great accuracy along each.
+        let rough = Options { rtol: 1e-4, atol: 1e-4 * white, ..options };
+        let at_edges = reference.pixels(camera, &edges, &sample_offsets(samples.edges), &rough)?;
+        let bands = reference.bands();
+        let mut found = Self {
+            pixels: 0,
+            max: 0.0,
+            rms: 0.0,
+            share: 0.0,
+            straddling: 0,
+            straddling_max: 0.0,
+            reference_error: truth.error.iter().copied().fold(0.0, f64::max),
+        };
+        let mut squares = 0.0;
+        let differences = |[x, y]: [u32; 2], truth: &[f64]| -> Vec<f64> {
+            let drawn = drawing.picture.pixel(x, y);
+            drawn.iter().zip(truth).map(|(a, b)| difference(f64::from(*a), *b)).collect()
+        };
+        let largest = |list: &[f64]| list.iter().copied().fold(0.0, f64::max);
+        for (pixel, truth) in edges.iter().zip(at_edges.radiance.chunks_exact(bands)) {
+            found.straddling += 1;
+            found.straddling_max = found.straddling_max.max(largest(&differences(*pixel, truth)));
+        }
+        for (pixel, truth) in plain.iter().zip(truth.radiance.chunks_exact(bands)) {
+            let list = differences(*pixel, truth);
+            found.pixels += 1;
+            found.max = found.max.max(largest(&list));
+            found.share = found.share.max(largest(&list) / (accuracy * white.max(largest(truth))));
+            squares += list.iter().map(|d| d * d).sum::<f64>();
+        }
+        found.rms = (squares / (f64::from(found.pixels) * bands as f64).max(1.0)).sqrt();
+        Ok(found)
+    }
+}
+
+/// A NaN is as wrong as can be; equal infinities agree.
+fn difference(a: f64, b: f64) -> f64 {
+    let d = (a - b).abs();
+    if a == b {
+        0.0
+    } else if d.is_nan() {
+        f64::INFINITY
+    } else {
+        d
+    }
+}
+
+/// The largest error, and the largest as a multiple of what `accuracy` allows.
+pub(super) fn worst(
+    errors: impl Iterator<Item = f64>,
+    radiance: impl Iterator<Item = f64>,
+    accuracy: f64,
+    white: f64,
+) -> (f64, f64) {
+    errors.zip(radiance).fold((0.0, 0.0), |(most, share): (f64, f64), (error, radiance)| {
+        (most.max(error), share.max(error / (accuracy * white.max(radiance))))
+    })
+}

@@ -1,0 +1,728 @@
+//! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
+
+use super::measure::{Measured, Samples, worst};
+use super::{Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, Params, pack_ray, sample_offsets, scene_bounds};
+use crate::data::Volume;
+use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, Tile};
+use crate::engine::reference::{self, Reference};
+use crate::image::Picture;
+use compiler::diagnostic::{Diagnostic, Diagnostics};
+use compiler::ir::eval::Voxels;
+use compiler::ir::{Aa, FieldScene, GridId};
+use compiler::program::{OutputKind, Plan, Program, StepRule};
+use compiler::source::Sources;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Which engine is wanted.
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq)]
+pub enum EngineChoice {
+    /// A graphics adapter if there is one, else the processor.
+    #[default]
+    Auto,
+    /// A graphics adapter, or an error.
+    Gpu,
+    /// The processor, at the scene's accuracy.
+    Cpu,
+    /// The trusted one, to a tolerance of its own.
+    Reference,
+}
+
+/// Whose fault it is that there is no picture.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The scene's, or a file's that it names.
+    Input,
+    /// The arguments'.
+    Arguments,
+    /// The machine cannot do it.
+    Machine,
+}
+
+/// Why there is no picture. The texts that its spans mean are those of the session or of the compilation.
+#[derive(Clone, Debug)]
+pub struct Trouble {
+    /// Whose fault it is.
+    pub cause: Cause,
+    /// What to say, warnings included.
+    pub diagnostics: Diagnostics,
+    /// The texts that the diagnostics mean.
+    pub sources: Sources,
+}
+
+/// What draws, besides the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// What the program is compiled for.
+    pub options: compiler::Options,
+    /// Which engine.
+    pub engine: EngineChoice,
+    /// Which adapter, for the GPU.
+    pub adapter: AdapterChoice,
+}
+
+/// The grids of a scene, by their number.
+#[derive(Clone, Debug, Default)]
+struct Grids(Vec<Loaded>);
+
+impl Voxels for Grids {
+    fn voxel(&self, grid: GridId, [i, j, k]: [u32; 3]) -> f64 {
+        self.0[grid.0 as usize].volume.value(i as usize, j as usize, k as usize)
+    }
+}
+
+#[derive(Debug)]
+enum Engine {
+    Gpu(Box<Prepared>),
+    Cpu,
+    Reference,
+}
+
+/// A compiled scene on an engine, with its grids loaded: draws as often as wanted.
+#[derive(Debug)]
+pub struct Session {
+    program: Arc<Program>,
+    sources: Sources,
+    warnings: Diagnostics,
+    options: compiler::Options,
+    grids: Grids,
+    engine: Engine,
+    fallback: Option<String>,
+    compile_ms: f64,
+    build_ms: f64,
+}
+
+/// A picture and what is known about it.
+#[derive(Clone, Debug)]
+pub struct Drawing {
+    /// Linear radiance and transmittance.
+    pub picture: Picture,
+    /// Whether a pixel straddles an edge, row by row; empty when the engine does not say.
+    pub edges: Vec<bool>,
+    /// The largest estimated error of a pixel, in lx, and as a multiple of what `accuracy` allows there.
+    pub predicted: Option<(f64, f64)>,
+    /// Field evaluations in all, if they were counted.
+    pub evaluations: Option<u64>,
+    /// Milliseconds to draw.
+    pub milliseconds: f64,
+    /// Which clock measured them: `gpu` or `wall`.
+    pub clock: &'static str,
+    /// Dispatches that the picture was cut into; 0 on the processor.
+    pub dispatches: u32,
+    /// What went wrong at run time; the picture is to be distrusted then.
+    pub faults: Diagnostics,
+    /// The values that were used.
+    pub params: Params,
+    /// Seconds.
+    pub time: f64,
+}
+
+/// One ray of a probe: a position in metres and a direction of any length but zero.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct RayQuery {
+    /// Metres.
+    pub origin: [f64; 3],
+    /// Without unit.
+    pub direction: [f64; 3],
+}
+
+/// What a probe found. Lists have one entry per band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RayAnswer {
+    /// lx
+    pub radiance: Vec<f64>,
+    /// 0 … 1
+    pub transmittance: Vec<f64>,
+    /// 0 … ∞
+    pub optical_depth: Vec<f64>,
+    /// Of the radiance, in lx.
+    pub error: Vec<f64>,
+    /// `bound`, `estimate` or `standard-error`.
+    pub error_kind: &'static str,
+    /// Field evaluations.
+    pub evaluations: u64,
+}
+
+/// How a probe is answered.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct ProbeSettings {
+    /// Relative tolerance of the reference.
+    pub rtol: f64,
+    /// Seconds.
+    pub time: f64,
+}
+
+impl Default for ProbeSettings {
+    fn default() -> Self {
+        Self { rtol: 1e-10, time: 0.0 }
+    }
+}
+
+impl Session {
+    /// Compiles a scene, loads its grids and makes an engine ready.
+    ///
+    /// # Errors
+    /// Errors of the scene and of its files, and what the machine lacks.
+    pub fn open(name: &str, text: &str, loader: &FileLoader, settings: Settings) -> Result<Self, Trouble> {
+        let started = Instant::now();
+        let compiled = compiler::compile(name, text, loader, &settings.options);
+        let (sources, mut warnings) = (compiled.sources, compiled.diagnostics);
+        let trouble = |cause, diagnostics: &Diagnostics| Trouble {
+            cause,
+            diagnostics: diagnostics.clone(),
+            sources: sources.clone(),
+        };
+        let Some(program) = compiled.program.filter(|_| !warnings.has_errors()) else {
+            return Err(trouble(Cause::Input, &warnings));
+        };
+        let mut shaders = vec![];
+        for kernel in &program.kernels {
+            match compiler::emit::emit(kernel) {
+                Ok(shader) => shaders.push(shader),
+                Err(error) => {
+                    warnings.push(error.diagnostic());
+                    return Err(trouble(Cause::Input, &warnings));
+                }
+            }
+        }
+        let compile_ms = milliseconds(started);
+        let started = Instant::now();
+        let infos = &program.lowered.graph.grids;
+        let loaded = loader.volumes(infos).map_err(|(error, grid)| {
+            let mut diagnostic = Diagnostic::error(error.code, error.message);
+            diagnostic.hints.extend(error.hint);
+            warnings.push(at_grid(diagnostic, &program.lowered, grid));
+            trouble(Cause::Input, &warnings)
+        })?;
+        for (i, grid) in loaded.iter().enumerate() {
+            for warning in &grid.warnings {
+                let mut diagnostic = warning.to_diagnostic();
+                diagnostic.message = format!("`{}`: {}", grid.name, diagnostic.message);
+                warnings.push(at_grid(diagnostic, &program.lowered, i));
+            }
+        }
+        let program = Arc::new(program);
+        let (engine, fallback) = choose(&program, shaders, &loaded, &settings).map_err(|error| {
+            warnings.push(machine(&error));
+            trouble(Cause::Machine, &warnings)
+        })?;
+        Ok(Self {
+            program,
+            sources,
+            warnings,
+            options: settings.options,
+            grids: Grids(loaded),
+            engine,
+            fallback,
+            compile_ms,
+            build_ms: milliseconds(started),
+        })
+    }
+
+    /// The compiled scene.
+    #[must_use]
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
+    /// Every text of the scene, for diagnostics.
+    #[must_use]
+    pub fn sources(&self) -> &Sources {
+        &self.sources
+    }
+
+    /// What the compiler and the readers had to say.
+    #[must_use]
+    pub fn warnings(&self) -> &Diagnostics {
+        &self.warnings
+    }
+
+    /// `gpu`, `cpu` or `reference`.
+    #[must_use]
+    pub fn engine(&self) -> &'static str {
+        match self.engine {
+            Engine::Gpu(_) => "gpu",
+            Engine::Cpu => "cpu",
+            Engine::Reference => "reference",
+        }
+    }
+
+    /// Name and API of the adapter, for the GPU.
+    #[must_use]
+    pub fn adapter(&self) -> Option<String> {
+        match &self.engine {
+            Engine::Gpu(prepared) => {
+                let adapter = prepared.gpu().adapter();
+                Some(format!("{} ({})", adapter.name, adapter.api))
+            }
+            Engine::Cpu | Engine::Reference => None,
+        }
+    }
+
+    /// Why the processor draws although a graphics adapter would have been taken.
+    #[must_use]
+    pub fn fallback(&self) -> Option<&str> {
+        self.fallback.as_deref()
+    }
+
+    /// Milliseconds from text to validated shaders, and from there to an engine that is ready (grids loaded and uploaded).
+    #[must_use]
+    pub fn milliseconds(&self) -> (f64, f64) {
+        (self.compile_ms, self.build_ms)
+    }
+
+    /// How steps are chosen, in words.
+    #[must_use]
+    pub fn steps(&self) -> String {
+        match (&self.engine, self.program.plan.steps) {
+            (Engine::Cpu | Engine::Reference, StepRule::Fixed(n)) => format!("{n} along each ray"),
+            (Engine::Cpu | Engine::Reference, _) => "adaptive panels of 8 nodes".into(),
+            (Engine::Gpu(_), StepRule::Closed) => "none (closed forms)".into(),
+            (Engine::Gpu(_), StepRule::Fixed(n)) => format!("{n} along each ray"),
+            (Engine::Gpu(_), StepRule::Adaptive(a)) => format!("adaptive, to {a}"),
+        }
+    }
+
+    /// Pixels of the picture.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        self.options.size.unwrap_or(self.program.lowered.image.size)
+    }
+
+    /// A of `accuracy`.
+    #[must_use]
+    pub fn accuracy(&self) -> f64 {
+        self.options.accuracy.unwrap_or(self.program.lowered.render.accuracy)
+    }
+
+    /// How many pipelines the GPU has compiled; 0 on the processor.
+    #[must_use]
+    pub fn pipelines_created(&self) -> u32 {
+        match &self.engine {
+            Engine::Gpu(prepared) => prepared.gpu().pipelines_created(),
+            Engine::Cpu | Engine::Reference => 0,
+        }
+    }
+
+    /// The scene's parameters with some of them set.
+    ///
+    /// # Errors
+    /// Names and values that do not fit. Warnings about ranges are given beside the values.
+    pub fn params<S: AsRef<str>>(&self, sets: &[S]) -> Result<(Params, Diagnostics), Trouble> {
+        let (params, found) = Params::from_sets(&self.program.lowered, sets);
+        if found.has_errors() { Err(self.trouble(Cause::Arguments, found)) } else { Ok((params, found)) }
+    }
+
+    fn trouble(&self, cause: Cause, diagnostics: Diagnostics) -> Trouble {
+        Trouble { cause, diagnostics, sources: self.sources.clone() }
+    }
+
+    fn input(&self, diagnostic: Diagnostic) -> Trouble {
+        self.trouble(Cause::Input, Diagnostics(vec![diagnostic]))
+    }
+
+    fn broken(&self, error: &GpuError) -> Trouble {
+        self.trouble(Cause::Machine, Diagnostics(vec![machine(error)]))
+    }
+
+    fn camera(&self, params: &Params, time: f64) -> Result<Camera, Trouble> {
+        let camera = Camera::from_scene(&self.program.lowered, &params.0, time).map_err(|d| self.input(d))?;
+        Ok(camera.with_size(self.size()))
+    }
+
+    fn frame(&self, params: &Params, time: f64, camera: Option<&Camera>, bounds: Option<Ball>) -> Frame {
+        let scene = &self.program.lowered;
+        let none = Eye { anchor: [0.0; 3], forward: [0.0, 0.0, -1.0], right: [0.0; 3], up: [0.0; 3], plane: 0.0 };
+        let plan = &self.program.plan;
+        Frame {
+            size: camera.map_or([0, 0], |c| c.size),
+            accuracy: match plan.steps {
+                StepRule::Adaptive(a) => a,
+                StepRule::Closed | StepRule::Fixed(_) => self.accuracy(),
+            },
+            white: if camera.is_some() { super::white(scene, &params.0, time) } else { 0.0 },
+            steps: match plan.steps {
+                StepRule::Fixed(n) => n,
+                StepRule::Closed | StepRule::Adaptive(_) => self.options.steps.or(scene.render.steps).unwrap_or(0),
+            },
+            max_work: scene.render.max_work,
+            eye: camera.map_or(none, |c| Eye::new(c, bounds)),
+            params: params.0.clone(),
+            time,
+        }
+    }
+
+    /// Draws one picture. `progress` is called with the share that is done.
+    ///
+    /// # Errors
+    /// When the scene has no value at run time (a camera without direction, a field that the reference finds negative),
+    /// or the machine fails.
+    pub fn draw(&mut self, params: &Params, time: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Drawing, Trouble> {
+        let camera = self.camera(params, time)?;
+        match &self.engine {
+            Engine::Gpu(_) => self.draw_gpu(params, time, &camera, progress),
+            Engine::Cpu | Engine::Reference => self.draw_cpu(params, time, &camera, progress),
+        }
+    }
+
+    fn draw_gpu(
+        &mut self,
+        params: &Params,
+        time: f64,
+        camera: &Camera,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Drawing, Trouble> {
+        let scene = &self.program.lowered;
+        let frame = self.frame(params, time, Some(camera), scene_bounds(scene, &params.0, time));
+        let mut canvas = Canvas::new(&self.program.plan, camera.size, scene.bands.count() as usize, &frame);
+        let Engine::Gpu(prepared) = &mut self.engine else {
+            return Err(self.trouble(Cause::Machine, Diagnostics::default()));
+        };
+        let timing = prepared.draw(&frame, &mut |tile, records| {
+            canvas.take(tile, records);
+            progress(canvas.done());
+        });
+        let timing = timing.map_err(|e| self.broken(&e))?;
+        let Canvas { radiance, transmittance, edges, predicted, evaluations, faults, .. } = canvas;
+        let bands = self.program.lowered.bands.clone();
+        Ok(Drawing {
+            picture: Picture::new(camera.size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
+            edges,
+            predicted,
+            evaluations,
+            milliseconds: timing.milliseconds,
+            clock: match timing.clock {
+                Clock::Gpu => "gpu",
+                Clock::Wall => "wall",
+            },
+            dispatches: timing.dispatches,
+            faults: faults.diagnostics(&self.program.lowered, "pixels"),
+            params: params.clone(),
+            time,
+        })
+    }
+
+    fn image(&self, error: crate::image::ImageError) -> Trouble {
+        let mut diagnostic = Diagnostic::error(error.code, error.message);
+        diagnostic.hints.extend(error.hint);
+        self.input(diagnostic)
+    }
+
+    /// What the reference engine is asked for when it draws a picture.
+    fn picture_options(&self, white: f64) -> reference::Options {
+        let mut options = match self.engine {
+            Engine::Reference => reference::Options { goal: reference::Goal::Radiance, ..Default::default() },
+            Engine::Cpu | Engine::Gpu(_) => reference::Options::accuracy(self.accuracy(), white),
+        };
+        if let (Engine::Cpu, StepRule::Fixed(n)) = (&self.engine, self.program.plan.steps) {
+            options.steps = Some(n);
+        }
+        if let Engine::Reference = self.engine {
+            // Far below what a picture can show, and reachable where light is dim.
+            options.atol = 1e-12 * white;
+        }
+        options
+    }
+
+    fn draw_cpu(
+        &self,
+        params: &Params,
+        time: f64,
+        camera: &Camera,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Drawing, Trouble> {
+        let scene = &self.program.lowered;
+        let started = Instant::now();
+        let white = super::white(scene, &params.0, time);
+        let engine = Reference::new(scene, &params.0, time, &self.grids).map_err(|d| self.input(d))?;
+        let offsets = sample_offsets(self.program.plan.samples);
+        let options = self.picture_options(white);
+        let drawn = engine.render(camera, &offsets, &options, progress).map_err(|d| self.input(d))?;
+        let pixels = drawn.pixels;
+        let narrow = |list: &[f64]| list.iter().map(|v| *v as f32).collect::<Vec<f32>>();
+        let predicted = worst(pixels.error.iter().copied(), pixels.radiance.iter().copied(), self.accuracy(), white);
+        let (radiance, transmittance) = (narrow(&pixels.radiance), narrow(&pixels.transmittance));
+        let bands = scene.bands.clone();
+        Ok(Drawing {
+            picture: Picture::new(camera.size, bands, radiance, Some(transmittance)).map_err(|e| self.image(e))?,
+            edges: vec![],
+            predicted: Some(predicted),
+            evaluations: Some(pixels.evaluations),
+            milliseconds: milliseconds(started),
+            clock: "wall",
+            dispatches: 0,
+            faults: Diagnostics::default(),
+            params: params.clone(),
+            time,
+        })
+    }
+
+    /// Compares a drawing with the reference on at most `count` pixels, spread over the picture by `seed`.
+    ///
+    /// # Errors
+    /// When the reference finds a fault in the scene.
+    pub fn measure(&self, drawing: &Drawing, count: u32, seed: u64) -> Result<Measured, Trouble> {
+        let scene = &self.program.lowered;
+        let camera = self.camera(&drawing.params, drawing.time)?;
+        let white = super::white(scene, &drawing.params.0, drawing.time);
+        let engine = Reference::new(scene, &drawing.params.0, drawing.time, &self.grids).map_err(|d| self.input(d))?;
+        let by_area = self.options.aa.unwrap_or(scene.image.aa) == Aa::Analytic;
+        let samples = Samples::new(self.program.plan.samples, by_area);
+        let allowed = (self.accuracy(), white);
+        let measured = Measured::of(&engine, &camera, drawing, samples, (count, seed), allowed);
+        measured.map_err(|d| self.input(d))
+    }
+
+    /// Follows rays. The session must have been opened with [`compiler::Options::probe`].
+    ///
+    /// # Errors
+    /// A ray without direction, a field without value, or a failure of the machine.
+    pub fn probe(
+        &mut self,
+        params: &Params,
+        rays: &[RayQuery],
+        settings: &ProbeSettings,
+    ) -> Result<Vec<RayAnswer>, Trouble> {
+        let unit = self.program.lowered.units.length;
+        let scaled = rays.iter().map(|r| (r.origin.map(|x| x / unit), super::vector::normalize(r.direction)));
+        let mut list = vec![];
+        for (ray, (origin, direction)) in rays.iter().zip(scaled) {
+            let Some(direction) = direction.filter(|_| super::vector::is_finite(origin)) else {
+                let message = format!("the ray {:?} {:?} has no direction", ray.origin, ray.direction);
+                let diagnostic = Diagnostic::error("E0654", message)
+                    .hint("a ray is a finite position and a direction that is not zero");
+                return Err(self.trouble(Cause::Arguments, Diagnostics(vec![diagnostic])));
+            };
+            list.push((origin, direction));
+        }
+        match self.engine {
+            Engine::Gpu(_) => self.probe_gpu(params, &list, settings),
+            Engine::Cpu | Engine::Reference => self.probe_cpu(params, &list, settings),
+        }
+    }
+
+    fn probe_cpu(
+        &self,
+        params: &Params,
+        rays: &[([f64; 3], [f64; 3])],
+        settings: &ProbeSettings,
+    ) -> Result<Vec<RayAnswer>, Trouble> {
+        let scene = &self.program.lowered;
+        let engine = Reference::new(scene, &params.0, settings.time, &self.grids).map_err(|d| self.input(d))?;
+        let mut options = reference::Options { rtol: settings.rtol, ..Default::default() };
+        if let Engine::Cpu = self.engine {
+            // Relative alone, since a probe has no white.
+            options =
+                reference::Options { goal: reference::Goal::All, ..reference::Options::accuracy(self.accuracy(), 0.0) };
+            if let StepRule::Fixed(n) = self.program.plan.steps {
+                options.steps = Some(n);
+            }
+        }
+        let results = engine.rays(rays, &options).map_err(|d| self.input(d))?;
+        Ok(results
+            .into_iter()
+            .map(|r| RayAnswer {
+                radiance: r.radiance,
+                transmittance: r.transmittance,
+                optical_depth: r.optical_depth,
+                error: r.error,
+                error_kind: r.error_kind.name(),
+                evaluations: r.evaluations,
+            })
+            .collect())
+    }
+
+    fn probe_gpu(
+        &mut self,
+        params: &Params,
+        rays: &[([f64; 3], [f64; 3])],
+        settings: &ProbeSettings,
+    ) -> Result<Vec<RayAnswer>, Trouble> {
+        let scene = &self.program.lowered;
+        let bounds = scene_bounds(scene, &params.0, settings.time);
+        let frame = self.frame(params, settings.time, None, bounds);
+        let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
+        let reader = Reader::new(&self.program.plan, scene.bands.count() as usize);
+        let (mut answers, mut faults) = (Vec::with_capacity(rays.len()), FaultTally::default());
+        let Engine::Gpu(prepared) = &mut self.engine else {
+            return Err(self.trouble(Cause::Machine, Diagnostics::default()));
+        };
+        let traced = prepared.trace(&frame, &packed, &mut |_, records| {
+            for record in records.chunks_exact(reader.stride) {
+                let list = |kind| reader.bands(record, kind).map(f64::from).collect::<Vec<f64>>();
+                answers.push(RayAnswer {
+                    radiance: list(OutputKind::Radiance),
+                    transmittance: list(OutputKind::Transmittance),
+                    optical_depth: list(OutputKind::OpticalDepth),
+                    error: list(OutputKind::Error),
+                    error_kind: "estimate",
+                    evaluations: reader.number(record, OutputKind::Evaluations).map_or(0, |n| n as u64),
+                });
+                reader.fault(record, &mut faults);
+            }
+        });
+        traced.map_err(|e| self.broken(&e))?;
+        if !faults.is_empty() {
+            return Err(self.trouble(Cause::Input, faults.diagnostics(&self.program.lowered, "rays")));
+        }
+        Ok(answers)
+    }
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
+fn at_grid(diagnostic: Diagnostic, scene: &FieldScene, grid: usize) -> Diagnostic {
+    match scene.graph.grids.get(grid).and_then(|g| g.span) {
+        Some(span) => diagnostic.at(span, "this file"),
+        None => diagnostic,
+    }
+}
+
+fn machine(error: &GpuError) -> Diagnostic {
+    let mut diagnostic = Diagnostic::error(error.kind.code(), error.message.clone());
+    diagnostic.hints.extend(error.hint.clone());
+    diagnostic
+}
+
+/// The engine, and why it is not the GPU if that would have been taken.
+fn choose(
+    program: &Arc<Program>,
+    shaders: Vec<compiler::emit::Shader>,
+    grids: &[Loaded],
+    settings: &Settings,
+) -> Result<(Engine, Option<String>), GpuError> {
+    let gpu = || {
+        let gpu = Arc::new(Gpu::new(&settings.adapter, &Needs::of(program))?);
+        let grids: Vec<GridData<'_>> = grids.iter().map(|l| grid_data(&l.volume)).collect();
+        gpu.prepare(program, shaders, &grids).map(|p| Engine::Gpu(Box::new(p)))
+    };
+    match settings.engine {
+        EngineChoice::Gpu => Ok((gpu()?, None)),
+        EngineChoice::Cpu => Ok((Engine::Cpu, None)),
+        EngineChoice::Reference => Ok((Engine::Reference, None)),
+        EngineChoice::Auto => match gpu() {
+            Ok(engine) => Ok((engine, None)),
+            // Whoever names an adapter wants that one.
+            Err(error) if settings.adapter.name.is_some() => Err(error),
+            Err(error) => Ok((Engine::Cpu, Some(error.message))),
+        },
+    }
+}
+
+fn grid_data(volume: &Volume) -> GridData<'_> {
+    GridData { header: volume.header(), bytes: volume.bytes() }
+}
+
+/// Reads quantities out of records.
+#[derive(Clone, Debug)]
+struct Reader {
+    plan: Vec<compiler::program::Output>,
+    stride: usize,
+    bands: usize,
+}
+
+impl Reader {
+    fn new(plan: &Plan, bands: usize) -> Self {
+        Self { plan: plan.outputs.clone(), stride: plan.stride.max(1) as usize, bands }
+    }
+
+    fn find(&self, kind: OutputKind) -> Option<compiler::program::Output> {
+        self.plan.iter().copied().find(|o| o.kind == kind)
+    }
+
+    /// One number per band; a quantity of width 1 is the same in all. Nothing if it was not asked for.
+    fn bands<'r>(&self, record: &'r [f32], kind: OutputKind) -> impl Iterator<Item = f32> + use<'r> {
+        let output = self.find(kind);
+        let bands = if output.is_some() { self.bands } else { 0 };
+        let (offset, width) = output.map_or((0, 1), |o| (o.offset as usize, o.width.max(1) as usize));
+        (0..bands).map(move |b| record[offset + b.min(width - 1)])
+    }
+
+    fn number(&self, record: &[f32], kind: OutputKind) -> Option<f32> {
+        self.find(kind).map(|o| record[o.offset as usize])
+    }
+
+    fn fault(&self, record: &[f32], faults: &mut FaultTally) {
+        if let Some(o) = self.find(OutputKind::Fault) {
+            let at = o.offset as usize;
+            let position = std::array::from_fn(|i| f64::from(record[at + 1 + i]));
+            faults.add(record[at].to_bits(), position);
+        }
+    }
+}
+
+/// The picture while its tiles arrive.
+struct Canvas {
+    reader: Reader,
+    width: usize,
+    white: f64,
+    accuracy: f64,
+    filled: u64,
+    total: u64,
+    radiance: Vec<f32>,
+    transmittance: Option<Vec<f32>>,
+    edges: Vec<bool>,
+    predicted: Option<(f64, f64)>,
+    evaluations: Option<u64>,
+    faults: FaultTally,
+}
+
+impl Canvas {
+    fn new(plan: &Plan, size: [u32; 2], bands: usize, frame: &Frame) -> Self {
+        let count = size[0] as usize * size[1] as usize;
+        let has = |kind| plan.output(kind).is_some();
+        Self {
+            reader: Reader::new(plan, bands),
+            width: size[0] as usize,
+            white: frame.white,
+            accuracy: frame.accuracy,
+            filled: 0,
+            total: count as u64,
+            radiance: vec![0.0; count * bands],
+            transmittance: has(OutputKind::Transmittance).then(|| vec![0.0; count * bands]),
+            edges: if has(OutputKind::Edge) { vec![false; count] } else { vec![] },
+            predicted: has(OutputKind::Error).then_some((0.0, 0.0)),
+            evaluations: has(OutputKind::Evaluations).then_some(0),
+            faults: FaultTally::default(),
+        }
+    }
+
+    fn done(&self) -> f64 {
+        self.filled as f64 / self.total.max(1) as f64
+    }
+
+    fn take(&mut self, tile: Tile, records: &[f32]) {
+        let [x0, y0] = tile.origin.map(|n| n as usize);
+        let width = tile.size[0] as usize;
+        let (reader, bands) = (&self.reader, self.reader.bands);
+        for (i, record) in records.chunks_exact(reader.stride).enumerate() {
+            let pixel = (y0 + i / width) * self.width + x0 + i % width;
+            let own = pixel * bands..(pixel + 1) * bands;
+            let mut brightest = 0.0f64;
+            for (slot, value) in self.radiance[own.clone()].iter_mut().zip(reader.bands(record, OutputKind::Radiance)) {
+                *slot = value;
+                brightest = brightest.max(f64::from(value));
+            }
+            if let Some(transmittance) = &mut self.transmittance {
+                let values = reader.bands(record, OutputKind::Transmittance);
+                transmittance[own].iter_mut().zip(values).for_each(|(slot, value)| *slot = value);
+            }
+            let edge = reader.number(record, OutputKind::Edge).is_some_and(|e| e != 0.0);
+            if let Some(slot) = self.edges.get_mut(pixel) {
+                *slot = edge;
+            }
+            if let (Some(most), Some(error)) = (&mut self.predicted, reader.number(record, OutputKind::Error)) {
+                let error = f64::from(error);
+                most.0 = most.0.max(error);
+                most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));
+            }
+            if let (Some(sum), Some(n)) = (&mut self.evaluations, reader.number(record, OutputKind::Evaluations)) {
+                *sum += n as u64;
+            }
+            reader.fault(record, &mut self.faults);
+            self.filled += 1;
+        }
+    }
+}
