@@ -2,7 +2,7 @@
 
 use super::Checker;
 use super::coerce::Role;
-use super::hir::{Dim, Expr, ExprKind};
+use super::hir::{Dim, ExprKind};
 use super::scope::{Bound, Scope};
 use super::types::{D, Form, Ty, Value};
 use super::units;
@@ -377,10 +377,4 @@ fn linear([r, g, b, a]: [u8; 4]) -> [f64; 4] {
         if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
     };
     [decode(r), decode(g), decode(b), f64::from(a) / 255.0]
-}
-
-/// Two expressions as one product, for sugar.
-pub(super) fn product(a: Expr, b: Expr, ty: Ty) -> Expr {
-    let span = a.span;
-    Expr { kind: ExprKind::Binary(BinaryOp::Multiply, Box::new(a), Box::new(b)), ty: ty.hir(), span }
 }

@@ -1,0 +1,92 @@
+//! Scenes with mistakes, and exactly what is said about them: each `.vol` file below `tests/diagnostics/check` has its
+//! rendered diagnostics beside it. Adding a test means adding a file.
+
+use compiler::check;
+use compiler::diagnostic::{Diagnostics, explain, render};
+use compiler::loader::{GridHeader, LoadError, Loader, Scalar};
+use compiler::resolve;
+use compiler::source::Sources;
+
+/// A machine on which every volume is a 4×4×4 cube of one millimetre, but `missing` ones, and a few modules exist.
+struct Fake;
+
+impl Loader for Fake {
+    fn module(&self, from: &str, path: &str) -> Result<(String, String), LoadError> {
+        let text = match path {
+            "./my_lib.vol" => "fn name(x: number) -> number = x\nfn twice(x: number) -> number = 2 * x\nmedium ball { k_a = 1 /m }",
+            "./circle_a.vol" => "use \"./circle_b.vol\"::b\nfn a(x: number) -> number = b(x)",
+            "./circle_b.vol" => "use \"./circle_a.vol\"::a\nfn b(x: number) -> number = x",
+            "./wrong.vol" => "fn f(x: number) -> length = x",
+            _ => {
+                return Err(LoadError {
+                    code: "E0601",
+                    message: format!("there is no file `{path}`"),
+                    hint: Some(format!("paths are relative to the file that names them, `{from}`")),
+                });
+            }
+        };
+        Ok((path.trim_start_matches("./").to_owned(), text.to_owned()))
+    }
+
+    fn grid(&self, from: &str, path: &str) -> Result<GridHeader, LoadError> {
+        let known = [".nii", ".nii.gz", ".nrrd", ".nhdr"].iter().any(|end| path.ends_with(end));
+        if path.contains("missing") || !known {
+            return Err(LoadError {
+                code: "E0601",
+                message: format!("there is no file `{path}`"),
+                hint: Some(format!("paths are relative to the file that names them, `{from}`")),
+            });
+        }
+        let mm = 1e-3;
+        Ok(GridHeader {
+            dims: [4, 4, 4],
+            scalar: Scalar::U8,
+            slope: 1.0,
+            intercept: 0.0,
+            world_from_index: [[mm, 0.0, 0.0, 0.0], [0.0, mm, 0.0, 0.0], [0.0, 0.0, mm, 0.0]],
+        })
+    }
+}
+
+fn checked(name: &str, text: &str) -> (Option<check::hir::Scene>, Diagnostics, Sources) {
+    let mut sources = Sources::default();
+    let mut diagnostics = Diagnostics::default();
+    let modules = resolve::load(name, text, &Fake, &mut sources, &mut diagnostics);
+    let scene = check::check(&modules, &Fake, &mut diagnostics);
+    (scene, diagnostics, sources)
+}
+
+#[test]
+fn wrong_scenes_are_explained() {
+    insta::glob!("../../tests/diagnostics/check", "*.vol", |path| {
+        let text = std::fs::read_to_string(path).unwrap();
+        let name = path.file_name().unwrap().to_str().unwrap();
+        let (_, diagnostics, sources) = checked(name, &text);
+        assert!(!diagnostics.0.is_empty(), "{name} has nothing wrong with it");
+        for diagnostic in diagnostics.iter() {
+            let known = explain(diagnostic.code).is_some();
+            // Files are the loader's to complain about.
+            assert!(known, "{} is not in the register", diagnostic.code);
+            assert!(diagnostic.primary_span().is_some(), "{} has no place", diagnostic.code);
+        }
+        insta::with_settings!({ prepend_module_to_snapshot => false, snapshot_suffix => "" }, {
+            insta::assert_snapshot!(render(&diagnostics, &sources));
+        });
+    });
+}
+
+/// The code blocks of the language's contract, which every compiler of it must take.
+#[test]
+fn the_contract_checks() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/contract");
+    let mut files: Vec<_> = std::fs::read_dir(path).unwrap().map(|f| f.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 4, "{files:?}");
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let name = file.file_name().unwrap().to_str().unwrap();
+        let (scene, diagnostics, sources) = checked(name, &text);
+        assert!(scene.is_some(), "{name}\n{}", render(&diagnostics, &sources));
+        assert!(!diagnostics.has_errors());
+    }
+}
