@@ -57,26 +57,31 @@ fn checked(name: &str, text: &str) -> (Option<check::hir::Scene>, Diagnostics, S
 }
 
 #[test]
+#[expect(clippy::disallowed_methods, reason = "the test reads its inputs; the compiler does not")]
 fn wrong_scenes_are_explained() {
-    insta::glob!("../../tests/diagnostics/check", "*.vol", |path| {
-        let text = std::fs::read_to_string(path).unwrap();
-        let name = path.file_name().unwrap().to_str().unwrap();
-        let (_, diagnostics, sources) = checked(name, &text);
-        assert!(!diagnostics.0.is_empty(), "{name} has nothing wrong with it");
-        for diagnostic in diagnostics.iter() {
-            let known = explain(diagnostic.code).is_some();
-            // Files are the loader's to complain about.
-            assert!(known, "{} is not in the register", diagnostic.code);
-            assert!(diagnostic.primary_span().is_some(), "{} has no place", diagnostic.code);
-        }
-        insta::with_settings!({ prepend_module_to_snapshot => false, snapshot_suffix => "" }, {
-            insta::assert_snapshot!(render(&diagnostics, &sources));
+    insta::with_settings!({
+        snapshot_path => "../../tests/diagnostics/check/snapshots",
+        prepend_module_to_snapshot => false,
+        omit_expression => true,
+    }, {
+        insta::glob!("../../tests/diagnostics/check", "*.vol", |path| {
+            let text = std::fs::read_to_string(path).expect("the input is a text");
+            let name = path.file_name().expect("a file has a name").to_string_lossy();
+            let (scene, diagnostics, sources) = checked(&name, &text);
+            assert!(!diagnostics.0.is_empty(), "{name} has nothing wrong with it");
+            assert_eq!(scene.is_none(), diagnostics.has_errors(), "{name}");
+            for diagnostic in diagnostics.iter() {
+                assert!(explain(diagnostic.code).is_some(), "{} is not explained", diagnostic.code);
+                assert!(diagnostic.primary_span().is_some(), "{} has no place", diagnostic.code);
+            }
+            insta::assert_snapshot!("diagnostics", render(&diagnostics, &sources));
         });
     });
 }
 
 /// The code blocks of the language's contract, which every compiler of it must take.
 #[test]
+#[expect(clippy::disallowed_methods, reason = "the test reads its inputs; the compiler does not")]
 fn the_contract_checks() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/contract");
     let mut files: Vec<_> = std::fs::read_dir(path).unwrap().map(|f| f.unwrap().path()).collect();
