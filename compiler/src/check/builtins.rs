@@ -250,7 +250,9 @@ impl Checker<'_> {
             .at(value.span, format!("this is {}", value.ty.prose()));
         let text = self.snippet(value.span);
         self.report(match value.ty {
-            Ty::Numeric(Form::Scalar, _) => problem.hint(format!("the size of a number is `abs({text})`")),
+            Ty::Numeric(Form::Scalar, _) if signature.builtin == Builtin::Length => {
+                problem.hint(format!("the size of a number is `abs({text})`"))
+            }
             Ty::Grid | Ty::Shape => problem.hint(format!("its extent is `size({text})`")),
             _ => problem,
         });

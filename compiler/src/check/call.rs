@@ -119,7 +119,9 @@ impl Checker<'_> {
                 Some(name) => names.iter().position(|n| *n == name.text).ok_or_else(|| {
                     let problem = Diagnostic::error("E0314", format!("`{}` has no argument `{}`", callee.name, name.text))
                         .at(name.span, "not one of its arguments");
-                    match closest(&name.text, names.iter().copied()).or_else(|| only_other(names, arguments)) {
+                    let open: Vec<&str> = order.iter().map(|i| names[*i]).collect();
+                    let near = closest(&name.text, open.iter().copied());
+                    match near.or_else(|| abbreviated(&name.text, &open)).or_else(|| only_other(&open, arguments)) {
                         Some(near) => problem.hint(format!("did you mean `{near}`?")),
                         None => problem,
                     }
@@ -215,11 +217,16 @@ impl Checker<'_> {
         let modules = self.modules;
         let ast::ItemKind::Function(declared) = &modules.item(item).kind else { return Value::error(span) };
         let Some(signature) = self.signature(item) else { return Value::error(span) };
-        let shown = self.shown_function(declared);
-        let callee = Callee { name: &signature.name, shown: &shown };
         let names: Vec<&str> = signature.parameters.iter().map(|p| p.name.as_str()).collect();
         let implicit: Vec<Option<Input>> =
             signature.parameters.iter().map(|p| if scope.context.phase { supplied(&p.name, p.ty) } else { None }).collect();
+        let mut shown = self.shown_function(declared);
+        let by_itself: Vec<&str> = (0..names.len()).filter(|i| implicit[*i].is_some()).map(|i| names[i]).collect();
+        if !by_itself.is_empty() {
+            // Closes the quotation of the form, which the note ends with.
+            shown.push_str(&format!("`, where {} comes by itself in `phase", crate::resolve::list(&by_itself)));
+        }
+        let callee = Callee { name: &signature.name, shown: &shown };
         let order = positional_order(&implicit, arguments);
         let Some(bound) = self.bind_arguments(callee, &names, &order, arguments) else {
             self.look_into(arguments, scope);
@@ -491,6 +498,13 @@ fn positional_order(implicit: &[Option<Input>], arguments: &[Argument]) -> Vec<u
     let explicit: Vec<usize> = (0..implicit.len()).filter(|i| implicit[*i].is_none()).collect();
     let positional = arguments.iter().filter(|a| a.name.is_none()).count();
     if positional > explicit.len() { (0..implicit.len()).collect() } else { explicit }
+}
+
+/// The one parameter that begins with these letters.
+fn abbreviated<'n>(written: &str, names: &[&'n str]) -> Option<&'n str> {
+    let mut found = names.iter().filter(|n| n.starts_with(written));
+    let first = found.next().copied();
+    if found.next().is_none() { first } else { None }
 }
 
 /// The one parameter that no argument names, if there is just one.

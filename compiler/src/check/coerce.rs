@@ -81,7 +81,7 @@ impl Checker<'_> {
                 } else {
                     format!("say how strong it is: `{text} * {}`", one(dim))
                 };
-                Diagnostic::error("E0306", format!("{role} is {}, not a colour", want.prose()))
+                Diagnostic::error("E0306", format!("{role} is {}, not a colour", Ty::scalar(dim).prose()))
                     .at(value.span, "a colour")
                     .note("a colour lies between 0 and 1 and has no strength; a coefficient has a dimension and no upper bound")
                     .hint(hint)
@@ -99,7 +99,8 @@ impl Checker<'_> {
                     .hint(hint)
             }
             (got, want) => {
-                let problem = Diagnostic::error("E0303", format!("{role} is {}, not {}", want.prose(), got.prose()))
+                let single = if let Ty::Numeric(Form::Spectrum, d) = want { Ty::Numeric(Form::Scalar, d) } else { want };
+                let problem = Diagnostic::error("E0303", format!("{role} is {}, not {}", single.prose(), got.prose()))
                     .at(value.span, format!("this is {}", got.prose()));
                 match hint_for_kind(&text, got, want) {
                     Some(hint) => problem.hint(hint),
@@ -134,34 +135,41 @@ fn wrong_dimension(
     (wanted, dim): (Form, Dim),
     role: Role<'_>,
 ) -> Diagnostic {
-    let want_prose = Ty::Numeric(wanted, D::Of(dim)).prose();
+    // A spectrum is wanted where one number for all bands would do as well.
+    let want_form = if wanted == Form::Spectrum { Form::Scalar } else { wanted };
+    let want_prose = Ty::Numeric(want_form, D::Of(dim)).prose();
     let got_prose = Ty::Numeric(form, D::Of(got)).prose();
     if got.is_none() {
-        let bare = if form == Form::Scalar { "a bare number".to_owned() } else { format!("{got_prose} of bare numbers") };
+        let bare = if form == Form::Scalar { "a bare number".to_owned() } else { got_prose.replace("of numbers", "of bare numbers") };
         return Diagnostic::error("E0301", format!("{role} is {want_prose}, but this is {bare}"))
             .at(span, "has no unit")
             .hint(format!("give it a unit: `{}`", with_unit(text, dim)));
     }
     let problem = Diagnostic::error("E0302", format!("{role} is {want_prose}, but this is {got_prose}"))
         .at(span, format!("this is {got_prose}"));
-    match dimension_hint(text, got, dim) {
-        Some(hint) => problem.hint(hint),
-        None => problem,
+    let angle = matches!(role, Role::Property("fov" | "angular_diameter") | Role::Argument { parameter: "angle", .. });
+    match (number_of_quantity(text), dimension_hint(text, got, dim)) {
+        (Some(number), _) if angle => problem.hint(format!("an angle is written `{number} deg`")),
+        (_, Some(hint)) => problem.hint(hint),
+        (_, None) => problem,
     }
 }
 
 /// How a value of one dimension becomes one of another.
 pub(super) fn dimension_hint(text: &str, got: Dim, want: Dim) -> Option<String> {
+    if let Some(number) = number_of_quantity(text) {
+        let right = if want.is_none() { number.to_owned() } else { with_unit(number, want) };
+        return Some(format!("write `{right}` if the unit is what is wrong"));
+    }
     if want.is_none() {
         return Some(format!("divide by {}: `{}`", Ty::scalar(got).prose(), divided(text, got)));
     }
-    if let Some(number) = number_of_quantity(text) {
-        return Some(format!("write `{}` if the unit is what is wrong", with_unit(number, want)));
-    }
     let ratio = want.over(got)?;
-    let unit = ratio.unit();
-    let factor = if unit.starts_with('/') { unit } else { format!("* 1 {unit}") };
-    Some(format!("a factor is missing, such as `{factor}`"))
+    if ratio.unit().starts_with('/') {
+        let excess = got.over(want)?;
+        return Some(format!("divide by {}: `{}`", Ty::scalar(excess).prose(), divided(text, excess)));
+    }
+    Some(format!("multiply by {}: `{} * {}`", Ty::scalar(ratio).prose(), grouped(text), one(ratio)))
 }
 
 /// The number of `2 m`, `1.5e3 lx`.
@@ -239,7 +247,11 @@ fn hint_for_kind(text: &str, got: Ty, want: Ty) -> Option<String> {
             let end = text.rfind(')').map_or(text.len(), |i| i + 1);
             let (tuple, rest) = text.split_at(end);
             let unit = rest.trim_start();
-            let unit = if unit.is_empty() { String::new() } else { format!(" * {unit}") };
+            let unit = match unit.as_bytes().first() {
+                None => String::new(),
+                Some(b'/' | b'*') => format!(" {unit}"),
+                Some(_) => format!(" * {unit}"),
+            };
             Some(format!("one value per band is written `rgb{tuple}{unit}`"))
         }
         (Ty::Numeric(Form::Spectrum, _), Ty::Numeric(Form::Vec3, _)) if text.starts_with("rgb(") => {
@@ -253,6 +265,7 @@ fn hint_for_kind(text: &str, got: Ty, want: Ty) -> Option<String> {
         }
         (Ty::Bool, Ty::Numeric(..)) => Some(format!("choose between two numbers: `if {text} then 1 else 0`")),
         (Ty::Numeric(..), Ty::Bool) => Some(format!("compare it: `{text} > 0`")),
+        (Ty::Numeric(..), Ty::String) if is_number_text(text) => Some(format!("write it in quotes: `\"{text}\"`")),
         (Ty::Shape, Ty::Transform) | (Ty::Transform, Ty::Shape) | (_, _) => None,
     }
 }

@@ -11,6 +11,10 @@ impl Dim {
     pub const NONE: Self = Self { length: 0, time: 0, light: 0, pixel: 0 };
     /// Metres.
     pub const LENGTH: Self = Self { length: WHOLE, ..Self::NONE };
+    /// Square metres.
+    pub const AREA: Self = Self { length: 2 * WHOLE, ..Self::NONE };
+    /// Cubic metres.
+    pub const VOLUME: Self = Self { length: 3 * WHOLE, ..Self::NONE };
     /// Seconds.
     pub const TIME: Self = Self { time: WHOLE, ..Self::NONE };
     /// `lx`.

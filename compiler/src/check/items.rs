@@ -33,7 +33,9 @@ impl Checker<'_> {
         // `const zero = 0` is a number.
         let ty = Ty::of(&value.ty.hir());
         let expression = value.expr();
-        self.refuse_infinite(&expression, &format!("the constant `{}`", name.text));
+        if self.refuse_infinite(&expression, &format!("the constant `{}`", name.text)) {
+            return None;
+        }
         let id = ConstId(self.constants.len() as u32);
         self.constants.push((name.text.clone(), expression));
         self.known_constants.insert(item, Some((id, ty)));
@@ -230,8 +232,8 @@ impl Checker<'_> {
         );
     }
 
-    /// Reports a value that is known and is NaN or infinite.
-    pub(super) fn refuse_infinite(&mut self, expression: &super::hir::Expr, what: &str) {
+    /// Reports a value that is known and is NaN or infinite; whether it is.
+    pub(super) fn refuse_infinite(&mut self, expression: &super::hir::Expr, what: &str) -> bool {
         // Not through `known`: constants are checked while functions are.
         let bad = match self.constant_value(expression) {
             Some(Known::Numbers(n)) => n.all().iter().any(|v| !v.is_finite()),
@@ -241,6 +243,7 @@ impl Checker<'_> {
         if bad {
             self.infinite(expression.span, what);
         }
+        bad
     }
 
     /// A scope for a value that must be known when compiling.

@@ -43,7 +43,15 @@ pub fn check(modules: &Modules, loader: &dyn Loader, diagnostics: &mut Diagnosti
     checker.finish_functions();
     checker.finish_asymmetries();
     let scene = checker.assemble(scene);
-    if diagnostics.has_errors() { None } else { scene }
+    let failed = diagnostics.has_errors();
+    if !failed {
+        for warning in modules.unused().iter() {
+            diagnostics.push(warning.clone());
+        }
+    }
+    // From top to bottom, as a reader meets them.
+    diagnostics.0.sort_by_key(|d| d.primary_span().map(|s| (s.source, s.start)));
+    scene.filter(|_| !failed)
 }
 
 /// A table or transfer function that was checked.

@@ -191,15 +191,25 @@ impl Checker<'_> {
                     .note(format!("inside a field, `{name}` is {meaning}"))
                     .hint(format!("add a parameter, `fn {function}({name}: {ty}, …)`, and give it where the function is called"))
             }
-            (Place::Property { block: "medium", .. }, Input::Altitude) => problem
+            (Place::Property { block: "medium", name }, Input::Altitude) if !matches!(*name, "shape" | "transform") => problem
                 .at(span, "the altitude inside a `shell`, and the shape has none")
                 .hint("give the medium `shape = shell(center: …, inner: …, outer: …)`, or take a coordinate: `p.y`"),
             (_, Input::CosTheta) => {
                 problem.at(span, "the cosine of the scattering angle, known in `phase` alone").hint("use it in `phase = …`")
             }
-            (Place::Property { block, name: property }, _) => problem
-                .at(span, format!("{meaning}, known only inside fields"))
-                .note(format!("`{block}.{property}` is one value, not a field")),
+            (Place::Property { block: "light", name: "environment" }, _) => problem
+                .at(span, format!("{meaning}, known only inside media"))
+                .note("an environment is a field of `dir`, the direction from the scene to the sky"),
+            (Place::Property { block, name: property }, _) => {
+                let problem = problem
+                    .at(span, format!("{meaning}, known only inside fields"))
+                    .note(format!("`{block}.{property}` is one value, not a field"));
+                if *property == "shape" && input == Input::Position {
+                    problem.hint("`sdf(…)` makes a shape of a field: negative inside")
+                } else {
+                    problem
+                }
+            }
             (Place::Constant(_) | Place::Param(_) | Place::Table(_), _) => problem
                 .at(span, format!("{meaning}, known only inside fields"))
                 .hint(format!("a function with a parameter can do this: `fn name({name}: {}) -> …`", input_type(input))),

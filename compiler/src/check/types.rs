@@ -133,7 +133,7 @@ impl Ty {
             Self::Numeric(form, d) => {
                 let dim = d.known();
                 let of = |what: &str| {
-                    if dim.is_none() { format!("a {what}") } else { format!("a {what} of {}", plain(dim)) }
+                    if dim.is_none() { format!("a {what} of numbers") } else { format!("a {what} of {dim}") }
                 };
                 match form {
                     Form::Scalar => match dim {
@@ -143,6 +143,9 @@ impl Ty {
                         Dim::COEFFICIENT => "a coefficient (1/length)".to_owned(),
                         Dim::EMISSION => "an emission (light/length)".to_owned(),
                         Dim::PIXEL => "a size in `px`".to_owned(),
+                        Dim::INTENSITY => "an intensity (`lx * m^2`)".to_owned(),
+                        Dim::AREA => "an area (length^2)".to_owned(),
+                        Dim::VOLUME => "a volume (length^3)".to_owned(),
                         other => format!("a {other}"),
                     },
                     Form::Vec2 => of("vec2"),
@@ -160,10 +163,6 @@ impl Ty {
             Self::Error => "unknown".to_owned(),
         }
     }
-}
-
-fn plain(dim: Dim) -> String {
-    dim.to_string()
 }
 
 /// As it is written in a function's signature.

@@ -30,10 +30,9 @@ pub(super) fn declare(id: ModuleId, module: &mut Module, diagnostics: &mut Diagn
             | ItemKind::Transfer { .. }
             | ItemKind::Block(_) => {
                 let Some(name) = value_name(item) else { continue };
-                if !id.is_library() {
-                    refuse_reserved(name, item_word(item), diagnostics);
-                }
-                if !duplicate(&mut firsts, "value", name, item, diagnostics) {
+                let refused = !id.is_library() && refuse_reserved(name, item_word(item), diagnostics);
+                // What is refused keeps its own meaning, so that `2 /m` is not wrong too.
+                if !duplicate(&mut firsts, "value", name, item, diagnostics) && !refused {
                     names.insert(name.text.clone(), reference);
                 }
                 if let ItemKind::Function(f) = &item.kind {
@@ -93,9 +92,10 @@ fn instead_of_unit(unit: &str) -> &'static str {
     }
 }
 
-fn refuse_reserved(name: &Name, what: &str, diagnostics: &mut Diagnostics) {
+/// Refuses names that mean something else already.
+fn refuse_reserved(name: &Name, what: &str, diagnostics: &mut Diagnostics) -> bool {
     if refuse_unit(name, what, diagnostics) {
-        return;
+        return true;
     }
     let text = name.text.as_str();
     if words::INPUTS.contains(&text) {
@@ -105,13 +105,16 @@ fn refuse_reserved(name: &Name, what: &str, diagnostics: &mut Diagnostics) {
                 .at(name.span, format!("inside a field, `{text}` is {meaning}"))
                 .hint(format!("take another name, such as `{text}_0`")),
         );
-    } else if words::is_builtin(text) {
+        return true;
+    }
+    if words::is_builtin(text) {
         diagnostics.push(
             Diagnostic::warning("W0202", format!("this {what} hides the built-in `{text}`"))
                 .at(name.span, "the built-in cannot be reached in this file any more")
                 .hint("take another name if that is not intended"),
         );
     }
+    false
 }
 
 /// What an implicit input is.

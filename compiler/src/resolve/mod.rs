@@ -13,6 +13,7 @@ pub use load::load;
 pub(crate) use suggest::{closest, synonym};
 pub(crate) use words::{CONSTANTS, FUNCTIONS, INPUTS};
 
+use crate::diagnostic::Diagnostics;
 use crate::library;
 use crate::source::Span;
 use crate::syntax::ast;
@@ -74,6 +75,8 @@ pub struct Modules {
     own: Vec<Module>,
     /// Items that refer to themselves, directly or through others; reported already.
     cyclic: FxHashSet<ItemRef>,
+    /// Warnings of what nobody uses, to be given when nothing else is wrong: a misspelt name would bring one too.
+    unused: Diagnostics,
 }
 
 impl Modules {
@@ -122,6 +125,12 @@ impl Modules {
     #[must_use]
     pub fn is_cyclic(&self, item: ItemRef) -> bool {
         self.cyclic.contains(&item)
+    }
+
+    /// Warnings of what nobody uses; beside errors they only distract.
+    #[must_use]
+    pub fn unused(&self) -> &Diagnostics {
+        &self.unused
     }
 
     /// The text under a span.

@@ -31,7 +31,9 @@ pub(super) fn analyse(modules: &mut Modules, diagnostics: &mut Diagnostics) {
     modules.cyclic = cycles.iter().flatten().map(|(item, _)| *item).collect();
     // What could not be read may have used anything.
     if !diagnostics.has_errors() {
-        unused(modules, &graph, diagnostics);
+        let mut found = Diagnostics::default();
+        unused(modules, &graph, &mut found);
+        modules.unused = found;
     }
 }
 

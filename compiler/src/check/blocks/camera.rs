@@ -103,7 +103,7 @@ impl Checker<'_> {
             problem.at(property.value.span, "without a unit, an angle is in radians").hint(format!("write `{text} deg`"))
         } else {
             problem
-                .at(property.value.span, format!("this is {:.4} deg", angle.to_degrees()))
+                .at(property.value.span, format!("this is {} deg", super::rounded(angle.to_degrees())))
                 .hint("for a wider view: `projection = panorama`")
         });
     }

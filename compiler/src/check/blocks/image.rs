@@ -180,6 +180,11 @@ impl Checker<'_> {
         let mut wavelengths = vec![];
         let mut good = true;
         for part in parts {
+            if let Some(bare) = super::literal(part).filter(|v| *v != 0.0) {
+                self.bare_wavelength(part, bare);
+                good = false;
+                continue;
+            }
             let value = self.fixed_value(ModuleId::SCENE, part, "image", "bands", Dim::LENGTH);
             if value.is_some_and(|v| v <= 0.0) {
                 self.report(Diagnostic::error("E0418", "a wavelength must be above zero").at(part.span, "not a wavelength"));
@@ -197,6 +202,21 @@ impl Checker<'_> {
             return None;
         }
         good.then_some((BandsKind::List, wavelengths))
+    }
+
+    /// A wavelength without a unit; its size tells which one was meant.
+    fn bare_wavelength(&mut self, part: &ast::Expr, value: f64) {
+        let text = self.snippet(part.span);
+        let unit = match value.abs() {
+            v if v < 1e-3 => "m",
+            v if v < 50.0 => "um",
+            _ => "nm",
+        };
+        self.report(
+            Diagnostic::error("E0301", "a wavelength is a length, but this is a bare number")
+                .at(part.span, "has no unit")
+                .hint(format!("give it a unit: `{text} {unit}`")),
+        );
     }
 
     /// A colour, or a radiance in units of display white.

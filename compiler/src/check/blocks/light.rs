@@ -120,7 +120,7 @@ impl Checker<'_> {
         }
         let text = self.snippet(property.value.span);
         let problem = Diagnostic::error("E0408", "`angular_diameter` lies between 0 and 180 deg")
-            .at(property.value.span, format!("this is {:.4} deg", angle.to_degrees()));
+            .at(property.value.span, format!("this is {} deg", super::rounded(angle.to_degrees())));
         let bare = super::literal(&property.value).is_some();
         self.report(if bare { problem.hint(format!("write `{text} deg`")) } else { problem });
         false

@@ -26,7 +26,6 @@ const CONFLICTS: &[(&str, &str)] = &[
     ("transfer", "k_a"),
     ("transfer", "k_e"),
     ("transfer", "albedo"),
-    ("albedo", "k_s"),
 ];
 
 impl Checker<'_> {
@@ -113,6 +112,17 @@ impl Checker<'_> {
         scope.context.place = Place::Property { block: "medium", name: "phase" };
         let value = self.expression(&property.value, scope);
         (scope.context.inputs, scope.context.phase) = outside;
+        if matches!(value.kind, ExprKind::Number(_)) && !value.ty.is_error() {
+            let text = self.snippet(value.span);
+            let problem = Diagnostic::error("E0303", "`phase` is a function of the scattering angle, not a number")
+                .at(value.span, "the same in every direction");
+            self.report(if crate::check::units::is_number_text(&text) {
+                problem.hint(format!("write `phase = isotropic`, or `phase = henyey_greenstein(g: {text})` if it is the mean cosine"))
+            } else {
+                problem.hint("write `phase = isotropic`, or `phase = henyey_greenstein(g: 0.6)`")
+            });
+            return None;
+        }
         // One value per band where it follows `lambda`.
         let want = match value.ty {
             Ty::Numeric(Form::Spectrum, _) => Ty::spectrum(Dim::NONE),
@@ -125,19 +135,7 @@ impl Checker<'_> {
             return None;
         }
         let value = self.coerce(value, want, Role::Property("phase"));
-        let literal = matches!(value.kind, ExprKind::Number(_));
-        let span = value.span;
-        let value = self.finished(value, "phase")?;
-        if literal {
-            let text = self.snippet(span);
-            self.report(
-                Diagnostic::error("E0303", "`phase` is a function of the scattering angle, not a number")
-                    .at(span, "the same in every direction")
-                    .hint(format!("write `phase = isotropic`, or `phase = henyey_greenstein(g: {text})` if it is the mean cosine")),
-            );
-            return None;
-        }
-        Some(value)
+        self.finished(value, "phase")
     }
 
     /// `k_t` or `mean_free_path` with `albedo`.
@@ -246,7 +244,10 @@ impl Checker<'_> {
 
     fn warn_of_no_effect(&mut self, block: &Block, properties: &mut Properties<'_>, medium: &Medium) {
         let place = block.name.as_ref().map_or(block.word, |n| block.word.to(n.span));
-        if medium.k_a.is_none() && medium.k_s.is_none() && medium.k_e.is_none() {
+        let written = ["k_a", "k_s", "k_e", "k_t", "mean_free_path", "transfer"];
+        // What is written and wrong has been reported.
+        let nothing = written.iter().all(|name| properties.take(name).is_none());
+        if nothing && block.properties.iter().all(|p| PROPERTIES.contains(&p.name.text.as_str())) {
             self.report(
                 Diagnostic::warning("W0403", format!("the medium `{}` has no effect", medium.name))
                     .at(place, "neither absorbs, nor scatters, nor emits")
@@ -254,6 +255,7 @@ impl Checker<'_> {
             );
         } else if let Some(phase) = properties.take("phase")
             && medium.k_s.is_none()
+            && properties.take("k_s").is_none()
         {
             self.report(
                 Diagnostic::warning("W0404", "`phase` has no effect without scattering")

@@ -92,7 +92,11 @@ impl Checker<'_> {
     pub(super) fn missing_property(&mut self, block: &Block, name: &str, example: &str) {
         let place = block.name.as_ref().map_or(block.word, |n| block.word.to(n.span));
         self.report(
-            Diagnostic::error("E0403", format!("this {} needs `{name}`", block.kind.word()))
+            Diagnostic::error("E0403", if block.kind == BlockKind::Splats {
+                format!("these splats need `{name}`")
+            } else {
+                format!("this {} needs `{name}`", block.kind.word())
+            })
                 .at(place, format!("without `{name}`"))
                 .hint(format!("add one: `{example}`")),
         );
@@ -198,8 +202,9 @@ impl Checker<'_> {
         let number = self.fixed_value(ModuleId::SCENE, value, block, name, Dim::NONE)?;
         let (low, high) = (f64::from(*range.start()), f64::from(*range.end()));
         if number.fract() != 0.0 || number < low || number > high {
+            let range = if range.end() == &u32::MAX { format!("of at least {low}") } else { format!("from {low} to {high}") };
             self.report(
-                Diagnostic::error("E0408", format!("`{block}.{name}` is a whole number from {low} to {high}"))
+                Diagnostic::error("E0408", format!("`{block}.{name}` is a whole number {range}"))
                     .at(value.span, format!("this is {number}")),
             );
             return None;
@@ -232,9 +237,7 @@ impl Checker<'_> {
         }
         let value = value.expr();
         self.finish_functions();
-        let before = self.diagnostics.0.len();
-        self.refuse_infinite(&value, &format!("`{name}`"));
-        (self.diagnostics.0.len() == before).then_some(value)
+        (!self.refuse_infinite(&value, &format!("`{name}`"))).then_some(value)
     }
 
     /// A position, direction or size that must not vanish.
@@ -464,6 +467,11 @@ fn elsewhere(name: &str) -> Option<&'static str> {
         "k_a" | "k_s" | "k_e" | "phase" | "density" => Some("medium"),
         _ => None,
     }
+}
+
+/// A number as people write it, to four decimals.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
 }
 
 /// A literal number, sign included.
