@@ -136,7 +136,8 @@ pub enum ExprKind {
     },
     /// A function of the scene or the library; one argument per parameter, defaults filled in.
     Call(FunctionId, Vec<Expr>),
-    /// A table (result Number) or transfer function (result Layer) at a key.
+    /// A table (result Number) or transfer function (result Layer) at a key. A table at a Spectrum of keys is a Spectrum:
+    /// each band's value at each band's key.
     Lookup(TableId, Box<Expr>),
     /// A grid at a world position.
     Sample(GridId, Box<Expr>),

@@ -84,8 +84,8 @@ impl<'s> Lowerer<'s, '_> {
             }
             ExprKind::Call(function, arguments) => return self.call(expr, *function, arguments),
             ExprKind::Lookup(table, key) => {
-                let at = self.scalar(key)?;
-                return self.lookup(*table, at, expr.span);
+                let at = self.node(key)?;
+                return self.lookup_all(*table, at, expr.span);
             }
             ExprKind::Sample(grid, at) => {
                 let at = self.node(at)?;
@@ -570,6 +570,23 @@ impl<'s> Lowerer<'s, '_> {
         self.name(value, &self.graph.table(table).name.clone());
         let parts: Vec<NodeId> = (0..4).map(|i| self.graph.extract(value, i)).collect();
         Ok(Value::Layer { color: self.graph.compose(&parts[..3]), k: parts[3] })
+    }
+
+    /// Looks up every component of a key: one value per band for one wavelength per band.
+    fn lookup_all(&mut self, id: hir::TableId, at: NodeId, span: Span) -> Lowered<Value> {
+        let width = self.graph.width(at);
+        if width == 1 {
+            return self.lookup(id, at, span);
+        }
+        let mut parts = vec![];
+        for i in 0..width {
+            let key = self.graph.extract(at, i);
+            match self.lookup(id, key, span)? {
+                Value::Node(node) => parts.push(node),
+                _ => return self.broken_promise(span, "a layer has no value per band"),
+            }
+        }
+        Ok(Value::Node(self.graph.compose(&parts)))
     }
 
     /// The graph's table, made when it is first looked up, so that the tables its entries read come before it.
