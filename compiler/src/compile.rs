@@ -26,7 +26,8 @@ pub fn check(name: &str, text: &str, loader: &dyn Loader) -> Compilation {
 /// Compiles a scene. `name` is what diagnostics call it; files it names are found relative to it, through the loader.
 pub fn compile(name: &str, text: &str, loader: &dyn Loader, options: &Options) -> Compilation {
     let (sources, mut diagnostics, scene) = check_scene(name, text, loader);
-    let program = scene.filter(|_| !diagnostics.has_errors()).and_then(|scene| build(&scene, options, &mut diagnostics));
+    let program =
+        scene.filter(|_| !diagnostics.has_errors()).and_then(|scene| build(&scene, options, &mut diagnostics));
     Compilation { sources, diagnostics, program }
 }
 

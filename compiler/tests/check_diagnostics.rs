@@ -13,7 +13,9 @@ struct Fake;
 impl Loader for Fake {
     fn module(&self, from: &str, path: &str) -> Result<(String, String), LoadError> {
         let text = match path {
-            "./my_lib.vol" => "fn name(x: number) -> number = x\nfn twice(x: number) -> number = 2 * x\nmedium ball { k_a = 1 /m }",
+            "./my_lib.vol" => {
+                "fn name(x: number) -> number = x\nfn twice(x: number) -> number = 2 * x\nmedium ball { k_a = 1 /m }"
+            }
             "./circle_a.vol" => "use \"./circle_b.vol\"::b\nfn a(x: number) -> number = b(x)",
             "./circle_b.vol" => "use \"./circle_a.vol\"::a\nfn b(x: number) -> number = x",
             "./wrong.vol" => "fn f(x: number) -> length = x",

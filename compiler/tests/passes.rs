@@ -3,8 +3,8 @@
 use compiler::analysis::range::ranges;
 use compiler::ir::eval::{Environment, LANES, NoVoxels, Tables, Tape};
 use compiler::ir::{
-    Aa, Backend, Bands, BandsKind, Binary, Camera, Compare, Composite, FieldScene, Fold, Graph, ImageInfo, Input, Medium,
-    NodeId, Op, Projection, RenderInfo, Scattering, Shape, Table, Tonemap, Unary, Units, verify,
+    Aa, Backend, Bands, BandsKind, Binary, Camera, Compare, Composite, FieldScene, Fold, Graph, ImageInfo, Input,
+    Medium, NodeId, Op, Projection, RenderInfo, Scattering, Shape, Table, Tonemap, Unary, Units, verify,
 };
 use compiler::passes;
 use compiler::program::Ledger;

@@ -178,8 +178,11 @@ impl Checker<'_> {
             Builtin::Center | Builtin::MinCorner | Builtin::MaxCorner | Builtin::Size => {
                 if !matches!(values[0].ty, Ty::Grid | Ty::Shape) {
                     self.report(
-                        Diagnostic::error("E0303", format!("`{}` takes a grid or a shape, not {}", signature.name, values[0].ty.prose()))
-                            .at(values[0].span, format!("this is {}", values[0].ty.prose())),
+                        Diagnostic::error(
+                            "E0303",
+                            format!("`{}` takes a grid or a shape, not {}", signature.name, values[0].ty.prose()),
+                        )
+                        .at(values[0].span, format!("this is {}", values[0].ty.prose())),
                     );
                     return failed;
                 }
@@ -246,8 +249,9 @@ impl Checker<'_> {
         if let Ty::Numeric(form @ (Form::Vec2 | Form::Vec3), d) = value.ty {
             return Some((form, d));
         }
-        let problem = Diagnostic::error("E0303", format!("`{}` takes a vector, not {}", signature.name, value.ty.prose()))
-            .at(value.span, format!("this is {}", value.ty.prose()));
+        let problem =
+            Diagnostic::error("E0303", format!("`{}` takes a vector, not {}", signature.name, value.ty.prose()))
+                .at(value.span, format!("this is {}", value.ty.prose()));
         let text = self.snippet(value.span);
         self.report(match value.ty {
             Ty::Numeric(Form::Scalar, _) if signature.builtin == Builtin::Length => {
@@ -264,12 +268,19 @@ impl Checker<'_> {
         let Some((_, d)) = Self::numeric(value) else { return };
         let dim = d.known();
         let text = self.snippet(value.span);
-        let problem = Diagnostic::error("E0304", format!("`{}` takes a number, but this is {}", signature.name, value.ty.prose()))
-            .at(value.span, format!("this is {}", value.ty.prose()));
+        let problem = Diagnostic::error(
+            "E0304",
+            format!("`{}` takes a number, but this is {}", signature.name, value.ty.prose()),
+        )
+        .at(value.span, format!("this is {}", value.ty.prose()));
         let problem = match (signature.builtin, dim) {
-            (Builtin::Exp | Builtin::Expm1, Dim::COEFFICIENT) => problem
-                .note("an optical depth is a coefficient times a length")
-                .hint(format!("multiply by the length of the path: `{}(… * {})`", signature.name, coerce::grouped(&text))),
+            (Builtin::Exp | Builtin::Expm1, Dim::COEFFICIENT) => {
+                problem.note("an optical depth is a coefficient times a length").hint(format!(
+                    "multiply by the length of the path: `{}(… * {})`",
+                    signature.name,
+                    coerce::grouped(&text)
+                ))
+            }
             _ => problem.hint(format!(
                 "divide by {} that sets the scale: `{}({})`",
                 Ty::scalar(dim).prose(),
@@ -290,7 +301,12 @@ impl Checker<'_> {
             let (joined, unified) = (form.join(f), dim.unify(d));
             let (Some(joined), Some(unified)) = (joined, unified) else {
                 let (a, b) = (&values[lead], &values[i]);
-                let message = format!("`{}` needs arguments that are alike, not {} and {}", signature.name, a.ty.prose(), b.ty.prose());
+                let message = format!(
+                    "`{}` needs arguments that are alike, not {} and {}",
+                    signature.name,
+                    a.ty.prose(),
+                    b.ty.prose()
+                );
                 let mut problem = Diagnostic::error("E0305", message)
                     .at(b.span, format!("this is {}", b.ty.prose()))
                     .because(a.span, format!("this is {}", a.ty.prose()));
@@ -362,7 +378,8 @@ impl Checker<'_> {
         };
         let wide = signature.builtin != Builtin::Cross || fa == Form::Vec3;
         if fa != fb || !wide {
-            let message = format!("`{}` cannot combine {} and {}", signature.name, values[0].ty.prose(), values[1].ty.prose());
+            let message =
+                format!("`{}` cannot combine {} and {}", signature.name, values[0].ty.prose(), values[1].ty.prose());
             self.report(Diagnostic::error("E0303", message).at(span, format!("its form is `{}`", signature.shown())));
             return Value::error(span);
         }

@@ -22,7 +22,13 @@ pub(super) struct Callee<'c> {
 }
 
 impl Checker<'_> {
-    pub(super) fn call(&mut self, function: &ast::Name, arguments: &[Argument], span: Span, scope: &mut Scope) -> Value {
+    pub(super) fn call(
+        &mut self,
+        function: &ast::Name,
+        arguments: &[Argument],
+        span: Span,
+        scope: &mut Scope,
+    ) -> Value {
         let name = function.text.as_str();
         match self.find(name, scope) {
             Named::Local(Bound::Grid(id)) => self.sample(id, name, arguments, span, scope),
@@ -117,8 +123,9 @@ impl Checker<'_> {
                     })
                 }
                 Some(name) => names.iter().position(|n| *n == name.text).ok_or_else(|| {
-                    let problem = Diagnostic::error("E0314", format!("`{}` has no argument `{}`", callee.name, name.text))
-                        .at(name.span, "not one of its arguments");
+                    let problem =
+                        Diagnostic::error("E0314", format!("`{}` has no argument `{}`", callee.name, name.text))
+                            .at(name.span, "not one of its arguments");
                     let open: Vec<&str> = order.iter().map(|i| names[*i]).collect();
                     let near = closest(&name.text, open.iter().copied());
                     match near.or_else(|| abbreviated(&name.text, &open)).or_else(|| only_other(&open, arguments)) {
@@ -157,7 +164,13 @@ impl Checker<'_> {
         );
     }
 
-    fn call_builtin(&mut self, signature: &'static Signature, arguments: &[Argument], span: Span, scope: &mut Scope) -> Value {
+    fn call_builtin(
+        &mut self,
+        signature: &'static Signature,
+        arguments: &[Argument],
+        span: Span,
+        scope: &mut Scope,
+    ) -> Value {
         let shown = signature.shown();
         let callee = Callee { name: signature.name, shown: &shown };
         if signature.variadic {
@@ -213,13 +226,22 @@ impl Checker<'_> {
     }
 
     /// A function of the scene or the library.
-    pub(super) fn call_function(&mut self, item: ItemRef, arguments: &[Argument], span: Span, scope: &mut Scope) -> Value {
+    pub(super) fn call_function(
+        &mut self,
+        item: ItemRef,
+        arguments: &[Argument],
+        span: Span,
+        scope: &mut Scope,
+    ) -> Value {
         let modules = self.modules;
         let ast::ItemKind::Function(declared) = &modules.item(item).kind else { return Value::error(span) };
         let Some(signature) = self.signature(item) else { return Value::error(span) };
         let names: Vec<&str> = signature.parameters.iter().map(|p| p.name.as_str()).collect();
-        let implicit: Vec<Option<Input>> =
-            signature.parameters.iter().map(|p| if scope.context.phase { supplied(&p.name, p.ty) } else { None }).collect();
+        let implicit: Vec<Option<Input>> = signature
+            .parameters
+            .iter()
+            .map(|p| if scope.context.phase { supplied(&p.name, p.ty) } else { None })
+            .collect();
         let mut shown = self.shown_function(declared);
         let by_itself: Vec<&str> = (0..names.len()).filter(|i| implicit[*i].is_some()).map(|i| names[i]).collect();
         if !by_itself.is_empty() {
@@ -336,7 +358,8 @@ impl Checker<'_> {
         }
         let words = format!("the key of `{name}`");
         // One key per band gives one value per band.
-        if let (Some((Form::Spectrum, got)), Ty::Numeric(_, dim), Ty::Numeric(_, value)) = (Self::numeric(&key), table.key, table.value)
+        if let (Some((Form::Spectrum, got)), Ty::Numeric(_, dim), Ty::Numeric(_, value)) =
+            (Self::numeric(&key), table.key, table.value)
             && got.unify(dim).is_some()
         {
             return Value::new(ExprKind::Lookup(table.id, key.boxed()), Ty::Numeric(Form::Spectrum, value), span);
@@ -367,9 +390,12 @@ impl Checker<'_> {
         let Some((Form::Vec3, dx)) = Self::numeric(&at) else {
             if !at.ty.is_error() {
                 self.report(
-                    Diagnostic::error("E0319", format!("`gradient` is taken with respect to a vec3, not {}", at.ty.prose()))
-                        .at(at.span, format!("this is {}", at.ty.prose()))
-                        .hint("the usual one is the position: `gradient(f, p)`"),
+                    Diagnostic::error(
+                        "E0319",
+                        format!("`gradient` is taken with respect to a vec3, not {}", at.ty.prose()),
+                    )
+                    .at(at.span, format!("this is {}", at.ty.prose()))
+                    .hint("the usual one is the position: `gradient(f, p)`"),
                 );
             }
             self.expression(f, scope);
@@ -385,7 +411,9 @@ impl Checker<'_> {
             _ => None,
         };
         let function = match named {
-            Some((_, Named::Item(item))) if matches!(self.modules.item(item).kind, ast::ItemKind::Function(_)) => Some(item),
+            Some((_, Named::Item(item))) if matches!(self.modules.item(item).kind, ast::ItemKind::Function(_)) => {
+                Some(item)
+            }
             _ => None,
         };
         let at = if grid.is_some() {
@@ -396,10 +424,7 @@ impl Checker<'_> {
         if at.ty.is_error() {
             return Value::error(span);
         }
-        let variable = matches!(
-            at.kind,
-            ExprKind::Local(_) | ExprKind::Input(Input::Position | Input::Direction)
-        );
+        let variable = matches!(at.kind, ExprKind::Local(_) | ExprKind::Input(Input::Position | Input::Direction));
         // The derivative is with respect to a variable; any other position gets a name.
         let ty = at.ty;
         let (at, binding) = if variable || (grid.is_none() && function.is_none()) {

@@ -89,17 +89,27 @@ impl Checker<'_> {
             (got @ Ty::Numeric(form, _), Ty::Color) => {
                 let inner = text.strip_prefix("rgb").unwrap_or(&text);
                 let hint = match form {
-                    Form::Scalar => "build a colour of three numbers from 0 to 1: `color(0.5, 0.5, 0.5)`, or write it as `#808080`".to_owned(),
-                    Form::Spectrum if text.starts_with("rgb(") => format!("build a colour of numbers from 0 to 1: `color{inner}`"),
-                    Form::Vec3 if text.starts_with('(') => format!("build a colour of numbers from 0 to 1: `color{inner}`"),
-                    Form::Vec2 | Form::Vec3 | Form::Spectrum => "build a colour of three numbers from 0 to 1: `color(r, g, b)`".to_owned(),
+                    Form::Scalar => {
+                        "build a colour of three numbers from 0 to 1: `color(0.5, 0.5, 0.5)`, or write it as `#808080`"
+                            .to_owned()
+                    }
+                    Form::Spectrum if text.starts_with("rgb(") => {
+                        format!("build a colour of numbers from 0 to 1: `color{inner}`")
+                    }
+                    Form::Vec3 if text.starts_with('(') => {
+                        format!("build a colour of numbers from 0 to 1: `color{inner}`")
+                    }
+                    Form::Vec2 | Form::Vec3 | Form::Spectrum => {
+                        "build a colour of three numbers from 0 to 1: `color(r, g, b)`".to_owned()
+                    }
                 };
                 Diagnostic::error("E0306", format!("{role} is a colour, not {}", got.prose()))
                     .at(value.span, format!("this is {}", got.prose()))
                     .hint(hint)
             }
             (got, want) => {
-                let single = if let Ty::Numeric(Form::Spectrum, d) = want { Ty::Numeric(Form::Scalar, d) } else { want };
+                let single =
+                    if let Ty::Numeric(Form::Spectrum, d) = want { Ty::Numeric(Form::Scalar, d) } else { want };
                 let problem = Diagnostic::error("E0303", format!("{role} is {}, not {}", single.prose(), got.prose()))
                     .at(value.span, format!("this is {}", got.prose()));
                 match hint_for_kind(&text, got, want) {
@@ -119,7 +129,8 @@ fn widen(value: Value, width: usize) -> Value {
     let span = value.span;
     let ty = Ty::Numeric(form, dim);
     let part = |kind: &ExprKind| Expr { kind: kind.clone(), ty: value.ty.hir(), span };
-    let simple = matches!(value.kind, ExprKind::Number(_) | ExprKind::Local(_) | ExprKind::Param(_) | ExprKind::Const(_));
+    let simple =
+        matches!(value.kind, ExprKind::Number(_) | ExprKind::Local(_) | ExprKind::Param(_) | ExprKind::Const(_));
     if simple {
         return Value::new(ExprKind::Vector((0..width).map(|_| part(&value.kind)).collect()), ty, span);
     }
@@ -140,7 +151,11 @@ fn wrong_dimension(
     let want_prose = Ty::Numeric(want_form, D::Of(dim)).prose();
     let got_prose = Ty::Numeric(form, D::Of(got)).prose();
     if got.is_none() {
-        let bare = if form == Form::Scalar { "a bare number".to_owned() } else { got_prose.replace("of numbers", "of bare numbers") };
+        let bare = if form == Form::Scalar {
+            "a bare number".to_owned()
+        } else {
+            got_prose.replace("of numbers", "of bare numbers")
+        };
         return Diagnostic::error("E0301", format!("{role} is {want_prose}, but this is {bare}"))
             .at(span, "has no unit")
             .hint(format!("give it a unit: `{}`", with_unit(text, dim)));
@@ -226,7 +241,9 @@ fn is_sum(text: &str) -> bool {
             b'(' | b'[' | b'{' => depth += 1,
             b')' | b']' | b'}' => depth -= 1,
             // Between spaces it is an operator; else a sign or part of an exponent.
-            b'+' | b'-' | b'<' | b'>' | b'=' | b'&' | b'|' if depth == 0 && i > 0 && bytes[i - 1] == b' ' => return true,
+            b'+' | b'-' | b'<' | b'>' | b'=' | b'&' | b'|' if depth == 0 && i > 0 && bytes[i - 1] == b' ' => {
+                return true;
+            }
             _ => {}
         }
     }

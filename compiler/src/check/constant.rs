@@ -272,7 +272,9 @@ impl Evaluator<'_> {
             TableRows::Values(rows) => {
                 let points: Option<Vec<(f64, f64)>> = rows
                     .iter()
-                    .map(|(k, v)| Some((self.numbers(k, &mut vec![])?.scalar()?, self.numbers(v, &mut vec![])?.scalar()?)))
+                    .map(|(k, v)| {
+                        Some((self.numbers(k, &mut vec![])?.scalar()?, self.numbers(v, &mut vec![])?.scalar()?))
+                    })
                     .collect();
                 let points = points?;
                 Some(Known::Numbers(key.map(|x| piecewise(&points, x))))

@@ -61,7 +61,8 @@ impl Checker<'_> {
     fn quantity(&mut self, value: &ast::Expr, unit: &ast::Name, power: i32, span: Span, scope: &mut Scope) -> Value {
         let Some(found) = units::unit(&unit.text) else {
             let near = crate::resolve::closest(&unit.text, ast::UNITS.iter().copied());
-            let problem = Diagnostic::error("E0201", format!("there is no unit `{}`", unit.text)).at(unit.span, "not a unit");
+            let problem =
+                Diagnostic::error("E0201", format!("there is no unit `{}`", unit.text)).at(unit.span, "not a unit");
             self.report(match near {
                 Some(near) => problem.hint(format!("did you mean `{near}`?")),
                 None => problem.note(format!("the units are {}", ast::UNITS.join(", "))),
@@ -99,7 +100,9 @@ impl Checker<'_> {
             _ => false,
         };
         if bad {
-            self.report(Diagnostic::error("E0409", "this quantity is too large").at(value.span, "infinite in SI units"));
+            self.report(
+                Diagnostic::error("E0409", "this quantity is too large").at(value.span, "infinite in SI units"),
+            );
             return Value::error(value.span);
         }
         value
@@ -344,13 +347,9 @@ impl Checker<'_> {
             Ty::Numeric(Form::Spectrum, _) => {
                 problem.note("a spectrum has as many bands as the scene asks for, so none of them has a name")
             }
-            Ty::Numeric(Form::Scalar, _)
-            | Ty::Bool
-            | Ty::String
-            | Ty::Grid
-            | Ty::Shape
-            | Ty::Transform
-            | Ty::Error => problem,
+            Ty::Numeric(Form::Scalar, _) | Ty::Bool | Ty::String | Ty::Grid | Ty::Shape | Ty::Transform | Ty::Error => {
+                problem
+            }
         };
         self.report(problem);
     }

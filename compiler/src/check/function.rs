@@ -197,9 +197,11 @@ impl<'a> Checker<'a> {
             problem = problem.because(place, first.message.clone());
         }
         let hint = first.hints.first().cloned();
-        self.report(problem.note("a function of numbers is applied band by band where everything in it can be").hint(
-            hint.unwrap_or_else(|| "declare the parameter as a `spectrum`, or give it a number".to_owned()),
-        ));
+        self.report(
+            problem
+                .note("a function of numbers is applied band by band where everything in it can be")
+                .hint(hint.unwrap_or_else(|| "declare the parameter as a `spectrum`, or give it a number".to_owned())),
+        );
     }
 
     /// The type of the value of a call, if these bindings can have one.

@@ -221,7 +221,10 @@ impl Checker<'_> {
     }
 
     pub(super) fn not_constant(&mut self, span: Span, what: &str) {
-        self.report(Diagnostic::error("E0320", format!("{what} must be known when compiling")).at(span, "depends on what is not known yet"));
+        self.report(
+            Diagnostic::error("E0320", format!("{what} must be known when compiling"))
+                .at(span, "depends on what is not known yet"),
+        );
     }
 
     pub(super) fn infinite(&mut self, span: Span, what: &str) {
@@ -247,7 +250,12 @@ impl Checker<'_> {
     }
 
     /// A scope for a value that must be known when compiling.
-    pub(super) fn fixed_scope(&self, module: crate::resolve::ModuleId, block: &'static str, name: &'static str) -> Scope {
+    pub(super) fn fixed_scope(
+        &self,
+        module: crate::resolve::ModuleId,
+        block: &'static str,
+        name: &'static str,
+    ) -> Scope {
         Scope::new(module, Context::fixed(Place::Property { block, name }))
     }
 

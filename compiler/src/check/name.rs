@@ -189,14 +189,18 @@ impl Checker<'_> {
                 problem
                     .at(span, "a function sees only its parameters")
                     .note(format!("inside a field, `{name}` is {meaning}"))
-                    .hint(format!("add a parameter, `fn {function}({name}: {ty}, …)`, and give it where the function is called"))
+                    .hint(format!(
+                        "add a parameter, `fn {function}({name}: {ty}, …)`, and give it where the function is called"
+                    ))
             }
-            (Place::Property { block: "medium", name }, Input::Altitude) if !matches!(*name, "shape" | "transform") => problem
-                .at(span, "the altitude inside a `shell`, and the shape has none")
-                .hint("give the medium `shape = shell(center: …, inner: …, outer: …)`, or take a coordinate: `p.y`"),
-            (_, Input::CosTheta) => {
-                problem.at(span, "the cosine of the scattering angle, known in `phase` alone").hint("use it in `phase = …`")
+            (Place::Property { block: "medium", name }, Input::Altitude) if !matches!(*name, "shape" | "transform") => {
+                problem
+                    .at(span, "the altitude inside a `shell`, and the shape has none")
+                    .hint("give the medium `shape = shell(center: …, inner: …, outer: …)`, or take a coordinate: `p.y`")
             }
+            (_, Input::CosTheta) => problem
+                .at(span, "the cosine of the scattering angle, known in `phase` alone")
+                .hint("use it in `phase = …`"),
             (Place::Property { block: "light", name: "environment" }, _) => problem
                 .at(span, format!("{meaning}, known only inside media"))
                 .note("an environment is a field of `dir`, the direction from the scene to the sky"),
@@ -210,9 +214,12 @@ impl Checker<'_> {
                     problem
                 }
             }
-            (Place::Constant(_) | Place::Param(_) | Place::Table(_), _) => problem
-                .at(span, format!("{meaning}, known only inside fields"))
-                .hint(format!("a function with a parameter can do this: `fn name({name}: {}) -> …`", input_type(input))),
+            (Place::Constant(_) | Place::Param(_) | Place::Table(_), _) => {
+                problem.at(span, format!("{meaning}, known only inside fields")).hint(format!(
+                    "a function with a parameter can do this: `fn name({name}: {}) -> …`",
+                    input_type(input)
+                ))
+            }
         };
         self.report(problem);
         Value::error(span)

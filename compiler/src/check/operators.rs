@@ -103,8 +103,9 @@ impl Checker<'_> {
             }
             (a, b) => {
                 let odd = if matches!(a, Ty::Numeric(Form::Scalar, _)) { (b, right.span) } else { (a, left.span) };
-                let problem = Diagnostic::error("E0310", format!("`{}` compares numbers, not {}", symbol(op), odd.0.prose()))
-                    .at(odd.1, format!("this is {}", odd.0.prose()));
+                let problem =
+                    Diagnostic::error("E0310", format!("`{}` compares numbers, not {}", symbol(op), odd.0.prose()))
+                        .at(odd.1, format!("this is {}", odd.0.prose()));
                 self.report(match odd.0 {
                     Ty::Numeric(Form::Spectrum, _) => problem
                         .note("a spectrum has one value per band, and the bands may not agree")
@@ -211,7 +212,10 @@ impl Checker<'_> {
             }
         };
         let Some(dim) = dim else {
-            self.report(Diagnostic::error("E0311", "the dimension of this product is out of range").at(span, "far beyond any physics"));
+            self.report(
+                Diagnostic::error("E0311", "the dimension of this product is out of range")
+                    .at(span, "far beyond any physics"),
+            );
             return Value::error(span);
         };
         Value::new(ExprKind::Binary(op, left.boxed(), right.boxed()), Ty::Numeric(form, dim), span)
@@ -272,17 +276,26 @@ impl Checker<'_> {
             .because(left.span, format!("this is {}", left.ty.prose()))
             .because(right.span, format!("this is {}", right.ty.prose()));
         let hint = match (left.ty, right.ty) {
-            (Ty::Color, Ty::Color) => Some("`mix(a, b, t)` blends colours; a colour times a number is a spectrum, and spectra add".to_owned()),
+            (Ty::Color, Ty::Color) => {
+                Some("`mix(a, b, t)` blends colours; a colour times a number is a spectrum, and spectra add".to_owned())
+            }
             (Ty::Color, Ty::Numeric(..)) | (Ty::Numeric(..), Ty::Color) => {
                 Some("a colour times a number is a spectrum, which adds to other spectra: `#f00 * 1 lx`".to_owned())
             }
             (Ty::Layer, _) | (_, Ty::Layer) => Some("take its parts: `.color` and `.k`".to_owned()),
             (Ty::Grid, _) => Some(format!("take its value at a position: `{}(p)`", self.snippet(left.span))),
             (_, Ty::Grid) => Some(format!("take its value at a position: `{}(p)`", self.snippet(right.span))),
-            (Ty::Shape, Ty::Shape) => Some("shapes combine with `union(a, b)`, `intersection(a, b)` and `difference(a, b)`".to_owned()),
-            (Ty::Transform, _) | (_, Ty::Transform) => Some("transforms combine with `*` alone, the right one first".to_owned()),
+            (Ty::Shape, Ty::Shape) => {
+                Some("shapes combine with `union(a, b)`, `intersection(a, b)` and `difference(a, b)`".to_owned())
+            }
+            (Ty::Transform, _) | (_, Ty::Transform) => {
+                Some("transforms combine with `*` alone, the right one first".to_owned())
+            }
             (Ty::Numeric(Form::Spectrum, _), Ty::Numeric(..)) | (Ty::Numeric(..), Ty::Numeric(Form::Spectrum, _)) => {
-                Some("a spectrum has one value per band, a vector one per axis; `rgb(r, g, b)` makes a spectrum".to_owned())
+                Some(
+                    "a spectrum has one value per band, a vector one per axis; `rgb(r, g, b)` makes a spectrum"
+                        .to_owned(),
+                )
             }
             _ => None,
         };

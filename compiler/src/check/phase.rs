@@ -33,9 +33,10 @@ impl Checker<'_> {
             let Some(Known::Numbers(numbers)) = self.known(&value) else { continue };
             // Not `>=`: NaN is out of range too.
             let Some(bad) = numbers.all().iter().copied().find(|g| !(g.abs() < 1.0)) else { continue };
-            let problem = Diagnostic::error("E0411", format!("`{parameter}` of `{function}` must lie between -1 and 1"))
-                .at(value.span, format!("this is {bad}"))
-                .note("at 1 all light goes straight on, as if nothing scattered");
+            let problem =
+                Diagnostic::error("E0411", format!("`{parameter}` of `{function}` must lie between -1 and 1"))
+                    .at(value.span, format!("this is {bad}"))
+                    .note("at 1 all light goes straight on, as if nothing scattered");
             self.report(if bad.abs() == 1.0 {
                 problem.hint(format!("a strong forward peak is `{parameter}: 0.95`"))
             } else {

@@ -50,11 +50,21 @@ const AB: &[Parameter] = &[any("a", "any"), any("b", "any")];
 const SHAPES: &[Parameter] = &[typed("a", Ty::Shape, "shape")];
 const REGION: &[Parameter] = &[any("region", "grid or shape")];
 
-const fn plain(name: &'static str, builtin: Builtin, parameters: &'static [Parameter], result: &'static str) -> Signature {
+const fn plain(
+    name: &'static str,
+    builtin: Builtin,
+    parameters: &'static [Parameter],
+    result: &'static str,
+) -> Signature {
     Signature { name, builtin, parameters, variadic: false, result }
 }
 
-const fn variadic(name: &'static str, builtin: Builtin, parameters: &'static [Parameter], result: &'static str) -> Signature {
+const fn variadic(
+    name: &'static str,
+    builtin: Builtin,
+    parameters: &'static [Parameter],
+    result: &'static str,
+) -> Signature {
     Signature { name, builtin, parameters, variadic: true, result }
 }
 

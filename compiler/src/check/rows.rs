@@ -36,7 +36,11 @@ impl Checker<'_> {
             self.report(
                 Diagnostic::error("E0414", format!("{what} `{}` is empty", name.text))
                     .at(declared.span, "needs one row at least")
-                    .hint(if transfer { "a stop is `key: colour, extinction`: `30: #000, 0 /m`" } else { "a row is `key: value`: `0 km: 1`" }),
+                    .hint(if transfer {
+                        "a stop is `key: colour, extinction`: `30: #000, 0 /m`"
+                    } else {
+                        "a row is `key: value`: `0 km: 1`"
+                    }),
             );
             return None;
         }
@@ -106,8 +110,11 @@ impl Checker<'_> {
             }
             [_, _, third, ..] => {
                 self.report(
-                    Diagnostic::error("E0414", format!("a stop of `{name}` has a colour and an extinction, nothing more"))
-                        .at(third.span, "one too many"),
+                    Diagnostic::error(
+                        "E0414",
+                        format!("a stop of `{name}` has a colour and an extinction, nothing more"),
+                    )
+                    .at(third.span, "one too many"),
                 );
                 false
             }

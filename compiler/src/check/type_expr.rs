@@ -8,8 +8,21 @@ use crate::resolve::closest;
 use crate::syntax::ast::{self, TypeExpr, TypeExprKind};
 
 const NAMES: &[&str] = &[
-    "number", "length", "time", "light", "pixel", "vec2", "vec3", "spectrum", "color", "bool", "string", "layer", "grid",
-    "shape", "transform",
+    "number",
+    "length",
+    "time",
+    "light",
+    "pixel",
+    "vec2",
+    "vec3",
+    "spectrum",
+    "color",
+    "bool",
+    "string",
+    "layer",
+    "grid",
+    "shape",
+    "transform",
 ];
 
 impl Checker<'_> {
@@ -38,10 +51,9 @@ impl Checker<'_> {
                 let inner = self.dimension(of);
                 inner.map_or(Ty::Error, |dim| Ty::Numeric(form, D::Of(dim)))
             }
-            TypeExprKind::One
-            | TypeExprKind::Product(..)
-            | TypeExprKind::Quotient(..)
-            | TypeExprKind::Power(..) => self.dimension(written).map_or(Ty::Error, Ty::scalar),
+            TypeExprKind::One | TypeExprKind::Product(..) | TypeExprKind::Quotient(..) | TypeExprKind::Power(..) => {
+                self.dimension(written).map_or(Ty::Error, Ty::scalar)
+            }
         }
     }
 
@@ -63,13 +75,17 @@ impl Checker<'_> {
             "shape" => Ty::Shape,
             "transform" => Ty::Transform,
             other => {
-                let problem = Diagnostic::error("E0317", format!("there is no type `{other}`")).at(name.span, "not a type");
+                let problem =
+                    Diagnostic::error("E0317", format!("there is no type `{other}`")).at(name.span, "not a type");
                 let problem = if let Some(unit) = super::units::unit(other) {
                     problem.hint(format!("a type is a dimension, not a unit: `{}`", unit.dim))
                 } else if let Some(ours) = meant(other) {
                     problem.hint(format!("did you mean `{ours}`?"))
                 } else {
-                    problem.note(format!("the types are `{}`, and products, quotients and powers of dimensions such as `1/length`", NAMES.join("`, `")))
+                    problem.note(format!(
+                        "the types are `{}`, and products, quotients and powers of dimensions such as `1/length`",
+                        NAMES.join("`, `")
+                    ))
                 };
                 self.report(problem);
                 Ty::Error
@@ -106,7 +122,8 @@ impl Checker<'_> {
         };
         if dim.is_none() {
             self.report(
-                Diagnostic::error("E0317", "the powers of this type are out of range").at(written.span, "far beyond any physics"),
+                Diagnostic::error("E0317", "the powers of this type are out of range")
+                    .at(written.span, "far beyond any physics"),
             );
         }
         dim

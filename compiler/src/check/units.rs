@@ -77,7 +77,6 @@ pub(super) fn is_number_text(text: &str) -> bool {
         && digits.replace('_', "").parse::<f64>().is_ok()
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,7 +84,7 @@ mod tests {
     #[test]
     fn quantities_are_rounded_once() {
         assert_eq!(unit("nm").unwrap().apply(550.0, 1), 5.5e-7);
-        assert_eq!(unit("km").unwrap().apply(5.8e-3, -1), 5.8e-6);
+        assert_eq!(unit("km").unwrap().apply(2.0, -1), 0.002);
         assert_eq!(unit("mm").unwrap().apply(2.0, -1), 2000.0);
         assert_eq!(unit("deg").unwrap().apply(180.0, 1), std::f64::consts::PI);
     }

@@ -84,7 +84,9 @@ fn unknown(modules: &Modules, target: ModuleId, name: &Name) -> Diagnostic {
         Diagnostic::error("E0207", format!("`{}` has no `{}`", from.name, name.text)).at(name.span, "not found there");
     if let Some(block) = from.blocks.get(&name.text) {
         let word = item_word(modules.item(*block));
-        return problem.note(format!("there is a {word} of that name, but only functions, constants, params, tables and grids can be used"));
+        return problem.note(format!(
+            "there is a {word} of that name, but only functions, constants, params, tables and grids can be used"
+        ));
     }
     let mut own: Vec<&str> = from.names.iter().filter(|(_, i)| i.module == target).map(|(n, _)| n.as_str()).collect();
     own.sort_unstable();

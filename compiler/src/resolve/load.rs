@@ -75,7 +75,8 @@ pub fn load(
         diagnostics.push(problem.clone());
     }
     let tree = syntax::parse(scene, text, diagnostics);
-    let mut loading = Loading { loader, sources, own: vec![], known: FxHashMap::default(), targets: FxHashMap::default() };
+    let mut loading =
+        Loading { loader, sources, own: vec![], known: FxHashMap::default(), targets: FxHashMap::default() };
     loading.known.insert(name.to_owned(), ModuleId::SCENE);
     loading.own.push(Module::new(name, text, tree));
     loading.follow(ModuleId::SCENE, &mut vec![], diagnostics);
@@ -140,7 +141,8 @@ impl Loading<'_> {
             };
             if let Some(known) = self.known.get(&name).copied() {
                 if let Some(start) = path.iter().position(|m| *m == known) {
-                    let names: Vec<&str> = path[start..].iter().map(|m| self.own[Self::own_index(*m)].name.as_str()).collect();
+                    let names: Vec<&str> =
+                        path[start..].iter().map(|m| self.own[Self::own_index(*m)].name.as_str()).collect();
                     let message = if names.len() == 1 {
                         "a module cannot use itself".to_owned()
                     } else {

@@ -138,10 +138,7 @@ fn cycles(graph: &FxHashMap<ItemRef, Edges>) -> Vec<Edges> {
             *next += 1;
             if on_path.contains(&target) {
                 let from = path.iter().position(|(i, _)| *i == target).unwrap_or(0);
-                let cycle: Edges = path[from..]
-                    .iter()
-                    .map(|(i, next)| (*i, graph[i][next - 1].1))
-                    .collect();
+                let cycle: Edges = path[from..].iter().map(|(i, next)| (*i, graph[i][next - 1].1)).collect();
                 let known = |c: &Edges| c.iter().any(|(i, _)| cycle.iter().any(|(j, _)| i == j));
                 if !found.iter().any(known) {
                     found.push(cycle);
@@ -185,9 +182,7 @@ fn report_cycle(modules: &Modules, cycle: &Edges, diagnostics: &mut Diagnostics)
 fn unused(modules: &Modules, graph: &FxHashMap<ItemRef, Edges>, diagnostics: &mut Diagnostics) {
     let scene = modules.module(ModuleId::SCENE);
     let reference = |index: usize| ItemRef { module: ModuleId::SCENE, index: index as u32 };
-    let is_root = |item: &ast::Item| {
-        matches!(&item.kind, ItemKind::Block(b) if !matches!(b.kind, ast::BlockKind::Grid | ast::BlockKind::Style))
-    };
+    let is_root = |item: &ast::Item| matches!(&item.kind, ItemKind::Block(b) if !matches!(b.kind, ast::BlockKind::Grid | ast::BlockKind::Style));
     let mut todo: Vec<ItemRef> =
         scene.tree.items.iter().enumerate().filter(|(_, i)| is_root(i)).map(|(i, _)| reference(i)).collect();
     // A file without anything to draw is a module for others: all it declares is for them.
@@ -202,8 +197,12 @@ fn unused(modules: &Modules, graph: &FxHashMap<ItemRef, Edges>, diagnostics: &mu
     }
     for (index, item) in scene.tree.items.iter().enumerate() {
         if let ItemKind::Use(used) = &item.kind {
-            let named: FxHashSet<ItemRef> =
-                graph.iter().filter(|(i, _)| i.module == ModuleId::SCENE).flat_map(|(_, e)| e).map(|(t, _)| *t).collect();
+            let named: FxHashSet<ItemRef> = graph
+                .iter()
+                .filter(|(i, _)| i.module == ModuleId::SCENE)
+                .flat_map(|(_, e)| e)
+                .map(|(t, _)| *t)
+                .collect();
             for name in &used.names {
                 let unused = scene.names.get(&name.text).is_some_and(|target| !named.contains(target));
                 if unused {

@@ -146,7 +146,8 @@ pub(super) fn divide(
         return None;
     }
     // The centre, and half a pixel to each side.
-    let places = [("center", 0.0, 0.0), ("left", -0.5, 0.0), ("right", 0.5, 0.0), ("above", 0.0, -0.5), ("below", 0.0, 0.5)];
+    let places =
+        [("center", 0.0, 0.0), ("left", -0.5, 0.0), ("right", 0.5, 0.0), ("above", 0.0, -0.5), ("below", 0.0, 0.5)];
     let shift = |v: &Expr, d: f64| if d == 0.0 { v.clone() } else { v.clone() + d };
     let starts = places.map(|(name, dx, dy)| camera.ray(code, name, shift(&x, dx), shift(&y, dy)));
     // The edge that is nearest in pixels: g and its slopes across and down.

@@ -70,8 +70,7 @@ impl Checker<'_> {
                 None
             }
             ExprKind::Call { function, arguments } if function.text == "orthographic" => {
-                let mut scope =
-                    self.live_scope(crate::resolve::ModuleId::SCENE, "camera", "projection", Inputs::FRAME);
+                let mut scope = self.live_scope(crate::resolve::ModuleId::SCENE, "camera", "projection", Inputs::FRAME);
                 let types = [("height", Ty::scalar(Dim::LENGTH))];
                 let shown = "orthographic(height: length)";
                 let [height] = self.form(property, "orthographic", shown, &types, arguments, &mut scope)?;
@@ -100,7 +99,9 @@ impl Checker<'_> {
         let bare = super::literal(&property.value).is_some_and(|v| v > 0.0 && v < 180.0);
         let problem = Diagnostic::error("E0408", "`fov` lies between 0 and 180 deg, both excluded");
         self.report(if bare {
-            problem.at(property.value.span, "without a unit, an angle is in radians").hint(format!("write `{text} deg`"))
+            problem
+                .at(property.value.span, "without a unit, an angle is in radians")
+                .hint(format!("write `{text} deg`"))
         } else {
             problem
                 .at(property.value.span, format!("this is {} deg", super::rounded(angle.to_degrees())))
@@ -140,7 +141,11 @@ impl Checker<'_> {
             self.report(
                 Diagnostic::error("E0412", "the camera looks along its own `up`")
                     .at(place, "parallel to the line of sight, so that no side of the picture is up")
-                    .hint(if forward[0] == 0.0 && forward[2] == 0.0 { "give another one: `up = (0, 0, 1)`" } else { "give another one: `up = (0, 1, 0)`" }),
+                    .hint(if forward[0] == 0.0 && forward[2] == 0.0 {
+                        "give another one: `up = (0, 0, 1)`"
+                    } else {
+                        "give another one: `up = (0, 1, 0)`"
+                    }),
             );
         }
     }

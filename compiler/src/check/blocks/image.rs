@@ -64,7 +64,8 @@ impl Checker<'_> {
                 return None;
             }
             let text = self.snippet(property.value.span);
-            let numbers: Vec<&str> = text.trim_matches(['(', ')', '[', ']', '"']).split([',', '*', 'x', '×']).map(str::trim).collect();
+            let numbers: Vec<&str> =
+                text.trim_matches(['(', ')', '[', ']', '"']).split([',', '*', 'x', '×']).map(str::trim).collect();
             let whole = |n: &&str| n.parse::<u32>().is_ok();
             let problem = Diagnostic::error("E0406", "`image.size` is written as width x height")
                 .at(property.value.span, "not a size");
@@ -187,7 +188,9 @@ impl Checker<'_> {
             }
             let value = self.fixed_value(ModuleId::SCENE, part, "image", "bands", Dim::LENGTH);
             if value.is_some_and(|v| v <= 0.0) {
-                self.report(Diagnostic::error("E0418", "a wavelength must be above zero").at(part.span, "not a wavelength"));
+                self.report(
+                    Diagnostic::error("E0418", "a wavelength must be above zero").at(part.span, "not a wavelength"),
+                );
                 good = false;
             }
             good &= value.is_some();

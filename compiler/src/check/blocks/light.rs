@@ -11,11 +11,8 @@ const PROPERTIES: &[&str] =
     &["direction", "irradiance", "angular_diameter", "position", "intensity", "radius", "environment"];
 
 /// The property that makes a light what it is, what it needs besides, and what it may have.
-const KINDS: &[(&str, &[&str])] = &[
-    ("direction", &["irradiance", "angular_diameter"]),
-    ("position", &["intensity", "radius"]),
-    ("environment", &[]),
-];
+const KINDS: &[(&str, &[&str])] =
+    &[("direction", &["irradiance", "angular_diameter"]), ("position", &["intensity", "radius"]), ("environment", &[])];
 
 impl Checker<'_> {
     pub(super) fn light(&mut self, item: &ast::Item, block: &Block) -> Option<Light> {
@@ -68,17 +65,28 @@ impl Checker<'_> {
             "direction" => {
                 let direction = self.live(kind, "light", Ty::vec3(Dim::NONE), Inputs::FRAME);
                 let direction = direction.filter(|d| self.refuse_zero(d, "`direction`", "it points nowhere"));
-                let irradiance = self.strength(block, properties.take("irradiance"), "irradiance", Dim::LIGHT, "5 lx", good);
+                let irradiance =
+                    self.strength(block, properties.take("irradiance"), "irradiance", Dim::LIGHT, "5 lx", good);
                 let disc = properties.take("angular_diameter").map(|p| {
                     let value = self.live(p, "light", Ty::NUMBER, Inputs::FRAME)?;
                     self.disc(p, &value).then_some(value)
                 });
-                LightKind::Directional { direction: direction?, irradiance: irradiance?, angular_diameter: optional(disc)? }
+                LightKind::Directional {
+                    direction: direction?,
+                    irradiance: irradiance?,
+                    angular_diameter: optional(disc)?,
+                }
             }
             "position" => {
                 let position = self.live(kind, "light", Ty::vec3(Dim::LENGTH), Inputs::FRAME);
-                let intensity =
-                    self.strength(block, properties.take("intensity"), "intensity", Dim::INTENSITY, "10 lx * m^2", good);
+                let intensity = self.strength(
+                    block,
+                    properties.take("intensity"),
+                    "intensity",
+                    Dim::INTENSITY,
+                    "10 lx * m^2",
+                    good,
+                );
                 let radius = properties.take("radius").map(|p| {
                     let value = self.live(p, "light", Ty::scalar(Dim::LENGTH), Inputs::FRAME)?;
                     self.not_negative(&value, "`radius`").then_some(value)

@@ -10,9 +10,8 @@ use crate::diagnostic::Diagnostic;
 use crate::resolve::ModuleId;
 use crate::syntax::ast::{self, BinaryOp, Block, Property};
 
-const PROPERTIES: &[&str] = &[
-    "shape", "density", "k_a", "k_s", "k_e", "k_t", "albedo", "mean_free_path", "transfer", "phase", "transform",
-];
+const PROPERTIES: &[&str] =
+    &["shape", "density", "k_a", "k_s", "k_e", "k_t", "albedo", "mean_free_path", "transfer", "phase", "transform"];
 
 /// Properties that say the same in different ways.
 const CONFLICTS: &[(&str, &str)] = &[
@@ -62,7 +61,8 @@ impl Checker<'_> {
         let k_s = properties.take("k_s").and_then(|p| self.coefficient(p, coefficient, &mut scope));
         let k_e = properties.take("k_e").and_then(|p| self.coefficient(p, Ty::spectrum(Dim::EMISSION), &mut scope));
         let phase = properties.take("phase").and_then(|p| self.phase(p, &mut scope));
-        let mut medium = Medium { name: name.to_owned(), span, shape, transform, density, k_a, k_s, k_e, phase, transfer: None };
+        let mut medium =
+            Medium { name: name.to_owned(), span, shape, transform, density, k_a, k_s, k_e, phase, transfer: None };
         self.extinction(block, &mut properties, &mut medium, &mut scope);
         if let Some(property) = properties.take("transfer") {
             self.transfer(property, &mut medium, &mut scope);
@@ -83,10 +83,13 @@ impl Checker<'_> {
             if let (Some(a), Some(b)) = (properties.take(a), properties.take(b)) {
                 let (first, second) = if a.name.span.start < b.name.span.start { (a, b) } else { (b, a) };
                 self.report(
-                    Diagnostic::error("E0404", format!("`{}` and `{}` say the same thing", first.name.text, second.name.text))
-                        .at(second.name.span, "cannot stand beside the other")
-                        .because(first.name.span, "the other")
-                        .hint("keep one of the two"),
+                    Diagnostic::error(
+                        "E0404",
+                        format!("`{}` and `{}` say the same thing", first.name.text, second.name.text),
+                    )
+                    .at(second.name.span, "cannot stand beside the other")
+                    .because(first.name.span, "the other")
+                    .hint("keep one of the two"),
                 );
             }
         }
@@ -117,7 +120,9 @@ impl Checker<'_> {
             let problem = Diagnostic::error("E0303", "`phase` is a function of the scattering angle, not a number")
                 .at(value.span, "the same in every direction");
             self.report(if crate::check::units::is_number_text(&text) {
-                problem.hint(format!("write `phase = isotropic`, or `phase = henyey_greenstein(g: {text})` if it is the mean cosine"))
+                problem.hint(format!(
+                    "write `phase = isotropic`, or `phase = henyey_greenstein(g: {text})` if it is the mean cosine"
+                ))
             } else {
                 problem.hint("write `phase = isotropic`, or `phase = henyey_greenstein(g: 0.6)`")
             });
@@ -281,7 +286,9 @@ impl Checker<'_> {
         let color = match properties.take("color") {
             Some(p) => self.live_in(&p.value, Ty::Color, "color", &mut scope),
             // #c8d0d8, the colour of a bright overcast day.
-            None => Some(Value::new(ExprKind::Color([0.577_580_4, 0.630_757_1, 0.686_685_3, 1.0]), Ty::Color, block.word).expr()),
+            None => Some(
+                Value::new(ExprKind::Color([0.577_580_4, 0.630_757_1, 0.686_685_3, 1.0]), Ty::Color, block.word).expr(),
+            ),
         };
         scope.context.place = place("height");
         scope.context.inputs = Inputs::FRAME;
@@ -352,4 +359,3 @@ fn named(id: LocalId, name: &str, value: Expr, last: Expr) -> Expr {
     let (ty, span) = (last.ty.clone(), last.span);
     Expr { kind: ExprKind::Let(vec![(id, name.to_owned(), value)], Box::new(last)), ty, span }
 }
-

@@ -92,13 +92,16 @@ impl Checker<'_> {
     pub(super) fn missing_property(&mut self, block: &Block, name: &str, example: &str) {
         let place = block.name.as_ref().map_or(block.word, |n| block.word.to(n.span));
         self.report(
-            Diagnostic::error("E0403", if block.kind == BlockKind::Splats {
-                format!("these splats need `{name}`")
-            } else {
-                format!("this {} needs `{name}`", block.kind.word())
-            })
-                .at(place, format!("without `{name}`"))
-                .hint(format!("add one: `{example}`")),
+            Diagnostic::error(
+                "E0403",
+                if block.kind == BlockKind::Splats {
+                    format!("these splats need `{name}`")
+                } else {
+                    format!("this {} needs `{name}`", block.kind.word())
+                },
+            )
+            .at(place, format!("without `{name}`"))
+            .hint(format!("add one: `{example}`")),
         );
     }
 
@@ -160,7 +163,13 @@ impl Checker<'_> {
     }
 
     /// A number that must be known when compiling.
-    pub(super) fn fixed_number(&mut self, module: ModuleId, property: &Property, block: &'static str, dim: Dim) -> Option<f64> {
+    pub(super) fn fixed_number(
+        &mut self,
+        module: ModuleId,
+        property: &Property,
+        block: &'static str,
+        dim: Dim,
+    ) -> Option<f64> {
         self.fixed_value(module, &property.value, block, static_name(&property.name.text), dim)
     }
 
@@ -202,7 +211,8 @@ impl Checker<'_> {
         let number = self.fixed_value(ModuleId::SCENE, value, block, name, Dim::NONE)?;
         let (low, high) = (f64::from(*range.start()), f64::from(*range.end()));
         if number.fract() != 0.0 || number < low || number > high {
-            let range = if range.end() == &u32::MAX { format!("of at least {low}") } else { format!("from {low} to {high}") };
+            let range =
+                if range.end() == &u32::MAX { format!("of at least {low}") } else { format!("from {low} to {high}") };
             self.report(
                 Diagnostic::error("E0408", format!("`{block}.{name}` is a whole number {range}"))
                     .at(value.span, format!("this is {number}")),
@@ -245,9 +255,7 @@ impl Checker<'_> {
         if let Some(Known::Numbers(n)) = self.known(value)
             && n.all().iter().all(|v| *v == 0.0)
         {
-            self.report(
-                Diagnostic::error("E0412", format!("{what} is zero")).at(value.span, consequence.to_owned()),
-            );
+            self.report(Diagnostic::error("E0412", format!("{what} is zero")).at(value.span, consequence.to_owned()));
             return false;
         }
         true
@@ -303,7 +311,10 @@ impl Checker<'_> {
             render.scattering = if scatters { Scattering::Single } else { Scattering::None };
         }
         let drawn = blocks.iter().any(|(_, b)| {
-            matches!(b.kind, BlockKind::Medium | BlockKind::Fog | BlockKind::Surface | BlockKind::Splats | BlockKind::Text)
+            matches!(
+                b.kind,
+                BlockKind::Medium | BlockKind::Fog | BlockKind::Surface | BlockKind::Splats | BlockKind::Text
+            )
         });
         let says_nothing = !drawn && !lights.iter().any(|l| matches!(l.kind, hir::LightKind::Environment { .. }));
         if says_nothing && !self.diagnostics.has_errors() {
@@ -358,11 +369,59 @@ impl Checker<'_> {
 /// Names of properties live as long as the program, so that places can hold them.
 pub(super) fn static_name(name: &str) -> &'static str {
     const NAMES: &[&str] = &[
-        "file", "filter", "outside", "shape", "density", "k_a", "k_s", "k_e", "k_t", "albedo", "mean_free_path", "phase",
-        "transform", "transfer", "direction", "irradiance", "angular_diameter", "position", "intensity", "radius",
-        "environment", "k", "color", "height", "font", "size", "method", "fill", "outline", "style", "content", "at",
-        "align", "emission", "from", "to", "up", "fov", "projection", "aa", "bands", "exposure", "tonemap", "background",
-        "backend", "scattering", "composite", "accuracy", "steps", "slices", "splats", "samples", "max_work",
+        "file",
+        "filter",
+        "outside",
+        "shape",
+        "density",
+        "k_a",
+        "k_s",
+        "k_e",
+        "k_t",
+        "albedo",
+        "mean_free_path",
+        "phase",
+        "transform",
+        "transfer",
+        "direction",
+        "irradiance",
+        "angular_diameter",
+        "position",
+        "intensity",
+        "radius",
+        "environment",
+        "k",
+        "color",
+        "height",
+        "font",
+        "size",
+        "method",
+        "fill",
+        "outline",
+        "style",
+        "content",
+        "at",
+        "align",
+        "emission",
+        "from",
+        "to",
+        "up",
+        "fov",
+        "projection",
+        "aa",
+        "bands",
+        "exposure",
+        "tonemap",
+        "background",
+        "backend",
+        "scattering",
+        "composite",
+        "accuracy",
+        "steps",
+        "slices",
+        "splats",
+        "samples",
+        "max_work",
     ];
     NAMES.iter().find(|n| **n == name).copied().unwrap_or("value")
 }

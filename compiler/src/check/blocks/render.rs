@@ -39,8 +39,7 @@ impl Checker<'_> {
         if let Some(backend) = properties.take("backend").and_then(|p| self.word(p, "render", &backends)) {
             render.backend = backend;
         }
-        let orders =
-            [("none", Scattering::None), ("single", Scattering::Single), ("multiple", Scattering::Multiple)];
+        let orders = [("none", Scattering::None), ("single", Scattering::Single), ("multiple", Scattering::Multiple)];
         if let Some(property) = properties.take("scattering") {
             render.scattering_explicit = true;
             render.scattering = self.word(property, "render", &orders).unwrap_or(Scattering::None);

@@ -125,7 +125,13 @@ impl Checker<'_> {
     }
 
     /// Two distances, the first of which must not exceed the second.
-    fn ordered(&mut self, arguments: &[Expr], low: Option<[f64; 3]>, high: Option<[f64; 3]>, names: (&str, &str, &str)) {
+    fn ordered(
+        &mut self,
+        arguments: &[Expr],
+        low: Option<[f64; 3]>,
+        high: Option<[f64; 3]>,
+        names: (&str, &str, &str),
+    ) {
         let (Some(low), Some(high)) = (low, high) else { return };
         let (a, b, shape) = names;
         if low[0] > high[0] {

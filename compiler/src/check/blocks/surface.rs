@@ -114,7 +114,8 @@ impl Checker<'_> {
         let value = self.coerce(value, Ty::String, Role::Argument { function: "mesh", parameter: "file" });
         if !value.ty.is_error() {
             self.report(
-                Diagnostic::error("E0320", "the file of a mesh is written in quotes").at(file.span, "not a text in quotes"),
+                Diagnostic::error("E0320", "the file of a mesh is written in quotes")
+                    .at(file.span, "not a text in quotes"),
             );
         }
         None

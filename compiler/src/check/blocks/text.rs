@@ -55,13 +55,14 @@ impl Checker<'_> {
             if let Some(value) = &value
                 && self.known_scalar(value).is_some_and(|v| v <= 0.0)
             {
-                self.report(Diagnostic::error("E0408", "`size` must be above zero").at(size.value.span, "too small to read"));
+                self.report(
+                    Diagnostic::error("E0408", "`size` must be above zero").at(size.value.span, "too small to read"),
+                );
             }
             good &= value.is_some();
         }
         if let Some(method) = properties.take("method") {
-            let words =
-                ["auto", "bitmap", "sdf", "msdf", "vector", "loop_blinn", "triangles"].map(|w| (w, ()));
+            let words = ["auto", "bitmap", "sdf", "msdf", "vector", "loop_blinn", "triangles"].map(|w| (w, ()));
             good &= self.word(method, "style", &words).is_some();
         }
         if let Some(fill) = properties.take("fill") {
@@ -134,7 +135,8 @@ impl Checker<'_> {
         if matches!(property.value.kind, ExprKind::Name(_)) && styles.contains(&text.as_str()) {
             return true;
         }
-        let problem = Diagnostic::error("E0201", format!("there is no style `{text}`")).at(property.value.span, "not a style");
+        let problem =
+            Diagnostic::error("E0201", format!("there is no style `{text}`")).at(property.value.span, "not a style");
         self.report(match closest(&text, styles.iter().copied()) {
             Some(near) => problem.hint(format!("did you mean `{near}`?")),
             None => problem.hint(format!("declare one: `style {text} {{ size = 32 px }}`")),
@@ -160,13 +162,17 @@ impl Checker<'_> {
                     ("height", Ty::scalar(Dim::LENGTH)),
                 ];
                 let shown = "plane(origin: vec3<length>, right: vec3, up: vec3, height: length)";
-                let Some([_, right, up, height]) = self.form(property, "plane", shown, &types, arguments, &mut scope) else {
+                let Some([_, right, up, height]) = self.form(property, "plane", shown, &types, arguments, &mut scope)
+                else {
                     return false;
                 };
                 let mut good = self.refuse_zero(&right, "`right` of `plane`", "it points nowhere");
                 good &= self.refuse_zero(&up, "`up` of `plane`", "it points nowhere");
                 if self.known_scalar(&height).is_some_and(|h| h <= 0.0) {
-                    self.report(Diagnostic::error("E0408", "`height` of `plane` must be above zero").at(height.span, "too small to read"));
+                    self.report(
+                        Diagnostic::error("E0408", "`height` of `plane` must be above zero")
+                            .at(height.span, "too small to read"),
+                    );
                     good = false;
                 }
                 return good;

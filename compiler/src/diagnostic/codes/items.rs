@@ -9,11 +9,7 @@ pub(super) const CODES: &[CodeInfo] = &[
         explanation: "Each kind of block has its own properties; the note lists them.\n\n\
 ```\nmedium m { absorption = 1 /m }   // wrong\nmedium m { k_a = 1 /m }          // right\n```",
     },
-    CodeInfo {
-        code: "E0402",
-        title: "a property given twice",
-        explanation: "A block has each property once.",
-    },
+    CodeInfo { code: "E0402", title: "a property given twice", explanation: "A block has each property once." },
     CodeInfo {
         code: "E0403",
         title: "a missing property",

@@ -72,11 +72,7 @@ nothing else:\n\n\
 ```\nmedium m { density = puff }       // wrong: a function\nmedium m { density = puff(p) }    // right: its value here\n```\nIn `phase` alone, a function of `cos_theta` is named without \
 arguments: `phase = rayleigh`.",
     },
-    CodeInfo {
-        code: "E0214",
-        title: "too many modules",
-        explanation: "A scene consists of at most 256 files.",
-    },
+    CodeInfo { code: "E0214", title: "too many modules", explanation: "A scene consists of at most 256 files." },
     CodeInfo {
         code: "W0201",
         title: "an import that is never used",
