@@ -25,9 +25,18 @@ pub struct CodeInfo {
 
 /// Every code, in order.
 pub fn all_codes() -> impl Iterator<Item = &'static CodeInfo> {
-    [syntax::CODES, names::CODES, types::CODES, items::CODES, lowering::CODES, data::CODES, machine::CODES, pending::CODES]
-        .into_iter()
-        .flatten()
+    [
+        syntax::CODES,
+        names::CODES,
+        types::CODES,
+        items::CODES,
+        lowering::CODES,
+        data::CODES,
+        machine::CODES,
+        pending::CODES,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// The entry of a code; case does not matter.
