@@ -38,13 +38,23 @@ pub fn parse(id: SourceId, text: &str, diagnostics: &mut Diagnostics) -> ast::Mo
     let first = scan.tokens.first().map_or(text.len(), |t| t.start);
     module.docs = tree::docs(&scan, lex::CommentKind::ModuleDoc, 0, first);
     let too_deep = limits::too_deep(&scan);
-    if scan.problems.is_empty()
-        && too_deep.is_none()
-        && let Ok(pairs) = grammar::read(grammar::Rule::module, text)
-    {
-        (module.items, module.unread) = tree::Builder { scan: &scan, base: 0, diagnostics }.items(pairs);
+    let whole = if scan.problems.is_empty() && too_deep.is_none() {
+        grammar::read(grammar::Rule::module, text).map_err(Some)
     } else {
-        (module.items, module.unread) = recover::module(&scan, too_deep, diagnostics);
-    }
+        Err(None)
+    };
+    (module.items, module.unread) = match whole {
+        Ok(pairs) => tree::Builder { scan: &scan, base: 0, diagnostics }.items(pairs),
+        Err(failure) => {
+            let read = recover::module(&scan, too_deep, diagnostics);
+            // What the grammar refuses as a whole must not pass because its parts are fine.
+            if !diagnostics.has_errors() {
+                let at = failure.map_or(0, |f| scan.tokens.partition_point(|t| t.end <= f.at));
+                diagnostics
+                    .push(Diagnostic::error("E0101", "this text cannot be read any further").at(scan.span(at), ""));
+            }
+            read
+        }
+    };
     module
 }
