@@ -1,1 +1,91 @@
-//! The suites.
+//! What the suites share: expectations that stand in the scenes themselves.
+
+use std::path::{Path, PathBuf};
+
+/// The top folder of the project.
+#[must_use]
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the project").to_owned()
+}
+
+/// Files with this ending in a folder of the project, sorted.
+///
+/// # Panics
+/// If the folder cannot be read.
+#[must_use]
+pub fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(root().join(folder)).expect("the folder exists");
+    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+    files.retain(|f| f.extension().is_some_and(|e| e == ending));
+    files.sort();
+    assert!(!files.is_empty(), "no .{ending} in {folder}");
+    files
+}
+
+/// One line `//? ray ox,oy,oz dx,dy,dz | radiance a b c | transmittance … | depth … // note`: what a ray must find.
+/// One number stands for all bands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expectation {
+    /// Metres.
+    pub origin: [f64; 3],
+    /// Of any length.
+    pub direction: [f64; 3],
+    /// Per band, if it is given.
+    pub radiance: Option<Vec<f64>>,
+    /// Per band, if it is given.
+    pub transmittance: Option<Vec<f64>>,
+    /// Per band, if it is given; may be infinite.
+    pub depth: Option<Vec<f64>>,
+    /// The line itself.
+    pub line: String,
+}
+
+/// The expectations of a scene.
+///
+/// # Panics
+/// If a line is not understood: a test that is not read cannot fail.
+#[must_use]
+pub fn expectations(text: &str) -> Vec<Expectation> {
+    text.lines()
+        .filter_map(|line| Some((line, line.strip_prefix("//? ray ")?)))
+        .map(|(line, rest)| one(line, rest))
+        .collect()
+}
+
+/// What the GPU may be off by, where a scene says so in a line `//? gpu 1e-3 // why`; else a ten-thousandth.
+///
+/// # Panics
+/// If the line is not understood.
+#[must_use]
+pub fn gpu_tolerance(text: &str) -> f64 {
+    let line = text.lines().find_map(|line| line.strip_prefix("//? gpu "));
+    line.map_or(1e-4, |rest| {
+        let (number, why) = rest.split_once("//").expect("a reason");
+        assert!(!why.trim().is_empty(), "a reason");
+        number.trim().parse().expect("a number")
+    })
+}
+
+fn one(line: &str, rest: &str) -> Expectation {
+    let number = |x: &str| -> f64 { x.trim().parse().unwrap_or_else(|_| panic!("no number `{x}` in `{line}`")) };
+    let rest = rest.split("//").next().unwrap_or(rest);
+    let mut parts = rest.split('|').map(str::trim);
+    let mut points = parts.next().unwrap_or("").split_whitespace().map(|p| {
+        let numbers: Vec<f64> = p.split(',').map(number).collect();
+        <[f64; 3]>::try_from(numbers).unwrap_or_else(|_| panic!("three numbers in `{line}`"))
+    });
+    let mut out = Expectation { line: line.to_owned(), ..Expectation::default() };
+    out.origin = points.next().expect("an origin");
+    out.direction = points.next().expect("a direction");
+    for part in parts {
+        let (word, values) = part.split_once(' ').unwrap_or_else(|| panic!("a word and numbers in `{part}`"));
+        let values: Vec<f64> = values.split_whitespace().map(number).collect();
+        match word {
+            "radiance" => out.radiance = Some(values),
+            "transmittance" => out.transmittance = Some(values),
+            "depth" => out.depth = Some(values),
+            other => panic!("unknown word `{other}` in `{line}`"),
+        }
+    }
+    out
+}

@@ -55,7 +55,7 @@ impl KernelBuilder {
         if let Some(literal) = literal(graph, node) {
             return literal;
         }
-        let name = graph.origin(node).name.clone().unwrap_or_else(|| fallback_name.to_owned());
+        let name = graph.origin(node).name.as_deref().unwrap_or(fallback_name).replace('.', "_");
         let width = graph.width(node);
         let truth = graph.ty(node) == Type::Bool;
         let value = self.uniform(&name, width, truth, UniformSource::Node(node));

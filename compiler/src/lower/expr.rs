@@ -53,7 +53,12 @@ impl<'s> Lowerer<'s, '_> {
             ExprKind::Bool(t) => self.graph.truth(*t),
             ExprKind::String(_) => return Ok(Value::Text),
             ExprKind::Input(input) => self.implicit(*input, expr.span)?,
-            ExprKind::Param(p) if (p.0 as usize) < self.graph.params.len() => self.graph.param(*p),
+            ExprKind::Param(p) if (p.0 as usize) < self.graph.params.len() => {
+                let node = self.graph.param(*p);
+                let param = &self.scene.params[p.0 as usize];
+                self.graph.annotate(node, param.span, Some(&param.name));
+                node
+            }
             ExprKind::Param(_) => return self.broken_promise(expr.span, "an unknown param"),
             ExprKind::Const(id) => return self.constant_item(*id, expr.span),
             ExprKind::Local(id) => match self.frames.last().and_then(|f| f.locals.get(id)) {

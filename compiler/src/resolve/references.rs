@@ -64,7 +64,9 @@ impl<'a> Walk<'a> {
         }
         let module = self.modules.module(self.module);
         let library = || if super::words::is_builtin(name) { None } else { Modules::library_name(name) };
-        let found = module.names.get(name).copied().or_else(|| module.blocks.get(name).copied()).or_else(library);
+        // Of what stands in a block of its own, only a style is ever named: a `medium box` may use the shape `box`.
+        let style = || module.blocks.get(name).copied().filter(|item| is_style(self.modules.item(*item)));
+        let found = module.names.get(name).copied().or_else(style).or_else(library);
         self.edges.extend(found.map(|item| (item, span)));
     }
 
@@ -111,6 +113,10 @@ impl<'a> Walk<'a> {
             self.expression(child);
         }
     }
+}
+
+fn is_style(item: &ast::Item) -> bool {
+    matches!(&item.kind, ItemKind::Block(block) if block.kind == ast::BlockKind::Style)
 }
 
 /// Every way an item leads back to itself: items with the place where each names the next. Each item is in one at most.
