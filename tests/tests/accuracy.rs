@@ -82,3 +82,24 @@ fn the_default_rule_converges_with_order_two_on_the_gpu() {
     let slope = slope(&points);
     assert!((slope + 2.0).abs() < 0.15, "slope {slope} over {points:?}");
 }
+
+/// Scenes without a closed form: what the GPU draws is what the reference finds.
+#[test]
+fn gpu_and_reference_agree_on_every_feature() {
+    let mut wrong = vec![];
+    for path in files("tests/suite/agree", "vol") {
+        let text = std::fs::read_to_string(&path).expect("the scene is text");
+        let mut options = Options { size: Some([40, 40]), ..Options::default() };
+        options.outputs.push(OutputKind::Edge);
+        let Some(mut session) = open(&path, &text, options, EngineChoice::Gpu) else { return };
+        let params = Params::defaults(&session.program().lowered);
+        let drawing = session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
+        assert!(drawing.faults.iter().count() == 0, "{}: {:?}", path.display(), drawing.faults);
+        let measured = session.measure(&drawing, 256, 1).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
+        println!("{}: {measured:?} predicted {:?}", path.display(), drawing.predicted);
+        if !measured.within() {
+            wrong.push(format!("{}: {measured:?}", path.display()));
+        }
+    }
+    assert!(wrong.is_empty(), "beyond their accuracy:\n{}", wrong.join("\n"));
+}

@@ -27,6 +27,23 @@ pub fn affine_form(
             let gradient = Some(graph.vector(&axis));
             Some(AffineForm { gradient, offset: graph.scalar(0.0) })
         }
+        // A component of a sum is the sum of the components.
+        Op::Extract(a, i) => {
+            let part = match *graph.op(a) {
+                Op::Compose(parts, _) => parts[i as usize],
+                Op::Splat(part, _) => part,
+                Op::Unary(Unary::Neg, x) => {
+                    let x = push(graph, Op::Extract(x, i));
+                    push(graph, Op::Unary(Unary::Neg, x))
+                }
+                Op::Binary(op, x, y) => {
+                    let (x, y) = (push(graph, Op::Extract(x, i)), push(graph, Op::Extract(y, i)));
+                    push(graph, Op::Binary(op, x, y))
+                }
+                _ => return None,
+            };
+            affine_form(graph, push, part)
+        }
         Op::Dot(a, b) => {
             let tiers = graph.tiers();
             let position = |n: NodeId| *graph.op(n) == Op::Input(Input::Position);

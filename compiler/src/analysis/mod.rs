@@ -3,4 +3,5 @@
 pub mod affine;
 pub mod closed;
 pub mod feature;
+pub mod jumps;
 pub mod range;

@@ -1,5 +1,6 @@
 //! Steps through a segment in which something varies: a fixed number of them, or by local error control.
 
+use super::shapes::{FAR, Ray};
 use super::trace::{Medium, Sampled, Segment, State, Tracer, largest, least, widen};
 use crate::analysis::feature::feature_length;
 use crate::fields::Code;
@@ -109,16 +110,24 @@ impl Tracer<'_> {
         let longest = self.longest_step(length);
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
+        let jumps = self.jumps(code, ray);
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
         let h = code.var("h", Ty::F32, longest.clone());
         code.open();
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
-        // The last step takes what is left, so that no sliver remains.
-        let last = code.bind("last", Ty::BOOL, (Expr::Local(h) * 1.001).greater_equal(rest.clone()));
-        let step = code.bind("step", Ty::F32, last.clone().select(rest, h));
         let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
+        // A step ends where a field jumps.
+        let jump = jumps.iter().map(|j| j.distance(code, &from)).reduce(Expr::min);
+        let ahead = jump.map(|jump| code.bind("to_jump", Ty::F32, jump.max(shortest.clone())));
+        let reachable = match &ahead {
+            Some(jump) => code.bind("reachable", Ty::F32, Expr::Local(h).min(jump.clone())),
+            None => h.into(),
+        };
+        // The last step takes what is left, so that no sliver remains.
+        let last = code.bind("last", Ty::BOOL, (reachable.clone() * 1.001).greater_equal(rest.clone()));
+        let step = code.bind("step", Ty::F32, last.clone().select(rest, reachable));
         let whole = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.5, "mid");
         let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
         let second = self.sample(code, ray, state, media, from + step.clone() * 0.75, "second");
@@ -190,6 +199,8 @@ impl Tracer<'_> {
         let factor = Expr::math(Math::Clamp, [factor, Expr::F32(0.2), Expr::F32(3.0)]);
         let wanted = code.bind("wanted", Ty::F32, step.clone() * factor);
         let accept = wrong.less_equal(1.0).or(step.clone().less_equal(shortest.clone())).or(spent.clone());
+        let accept = code.bind("accept", Ty::BOOL, accept);
+        let accept_again = accept.clone();
         code.open();
         if let (Some(radiance), Some(gain)) = (state.radiance, light_gain) {
             code.add(radiance, gain);
@@ -210,10 +221,38 @@ impl Tracer<'_> {
         code.push_if(spent.clone(), give_up);
         let taken = code.close();
         code.push_if(accept, taken);
+        // A step cut short by a jump says nothing against the length it would have had.
+        let wanted = match ahead {
+            Some(jump) => {
+                let cut = accept_again.and(jump.less(h));
+                cut.select(wanted.clone().max(h), wanted)
+            }
+            None => wanted,
+        };
         let next = Expr::math(Math::Clamp, [wanted, shortest, longest]);
         code.set(h, spent.select(length.clone(), next));
         let block = code.close();
         code.push_loop(block);
+    }
+
+    /// The planes on which some coefficient jumps, as functions of the distance along this ray.
+    fn jumps(&mut self, code: &mut Code, ray: &Ray) -> Vec<Crossing> {
+        let scene: &super::matter::Scene = self.scene;
+        let mut known: Vec<crate::analysis::jumps::Jump> = vec![];
+        for jump in scene.matter.iter().flat_map(|m| &m.jumps) {
+            if !known.contains(jump) {
+                known.push(*jump);
+            }
+        }
+        let crossing = |(i, jump): (usize, crate::analysis::jumps::Jump)| {
+            let gradient = self.builder.value(self.graph, jump.gradient, "jump_gradient");
+            let offset = self.builder.value(self.graph, jump.offset, "jump_offset");
+            let start = gradient.clone().dot(ray.origin.clone()) + offset;
+            let start = code.bind(&format!("jump_start_{i}"), Ty::F32, start);
+            let rate = code.bind(&format!("jump_rate_{i}"), Ty::F32, gradient.dot(ray.direction.clone()));
+            Crossing { start, rate, every_whole: jump.every_whole }
+        };
+        known.into_iter().enumerate().map(crossing).collect()
     }
 
     /// Leaves the loop when nothing behind can be seen any more, and adds what that may cost to the error.
@@ -242,5 +281,29 @@ impl Tracer<'_> {
     /// An upper bound of all source functions k_e/k_t, if one is known.
     fn brightest(&self) -> Option<f64> {
         self.scene.matter.iter().map(|m| m.source_bound).try_fold(0.0f64, |a, b| Some(a.max(b?)))
+    }
+}
+
+/// A coordinate `start + rate · t` that jumps at 0, or at every whole number.
+struct Crossing {
+    start: Expr,
+    rate: Expr,
+    every_whole: bool,
+}
+
+impl Crossing {
+    /// From `t` to the next jump; FAR if there is none.
+    fn distance(&self, code: &mut Code, t: &Expr) -> Expr {
+        let x = code.bind("coordinate", Ty::F32, self.start.clone() + self.rate.clone() * t.clone());
+        let still = self.rate.clone().equal(0.0);
+        let to_next = if self.every_whole {
+            let up = Expr::math(Math::Floor, [x.clone()]) + 1.0;
+            let down = Expr::math(Math::Ceil, [x.clone()]) - 1.0;
+            self.rate.clone().greater(0.0).select(up, down) - x
+        } else {
+            -x
+        };
+        let distance = code.bind("distance", Ty::F32, to_next / still.clone().select(1.0, self.rate.clone()));
+        still.or(distance.clone().less_equal(0.0)).select(FAR, distance)
     }
 }

@@ -3,6 +3,7 @@
 use super::project::{Data, data_of};
 use super::shapes::{Region, is_hosted, region};
 use crate::analysis::closed::{ExponentialTerm, exponential_sum, ratio};
+use crate::analysis::jumps::{Jump, jumps};
 use crate::analysis::range::{Range, ranges};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{Binary, Composite, FieldScene, Graph, NodeId, Op, Primitive, Tier};
@@ -42,6 +43,8 @@ pub(super) struct Matter {
     pub(super) source_bound: Option<f64>,
     /// Coefficients not known to be finite and ≥ 0.
     pub(super) checks: Vec<Check>,
+    /// Planes on which its coefficients jump.
+    pub(super) jumps: Vec<Jump>,
     /// What a projection shows of it.
     pub(super) data: Option<Data>,
 }
@@ -123,7 +126,9 @@ impl Scene {
                 (Some(e), Some(t)) => Some(ratio(graph, push, e, t)),
                 _ => None,
             };
-            matter.push((index as u32, medium, extinction, emission, closed, quotient, data));
+            let roots: Vec<NodeId> = [extinction, emission].into_iter().flatten().collect();
+            let jumps = if projecting { vec![] } else { jumps(graph, push, &roots) };
+            matter.push((index as u32, medium, (extinction, emission), closed, quotient, data, jumps));
         }
         let tiers = graph.tiers();
         let ranges = ranges(graph);
@@ -131,7 +136,7 @@ impl Scene {
         let varies = |n: Option<NodeId>| n.is_some_and(|n| tiers[n.0 as usize] == Tier::Sample);
         let matter: Vec<Matter> = matter
             .into_iter()
-            .map(|(index, medium, extinction, emission, closed, quotient, data)| {
+            .map(|(index, medium, (extinction, emission), closed, quotient, data, jumps)| {
                 let varying = varies(extinction) || varies(emission);
                 let checks = [("k_a", medium.k_a), ("k_s", medium.k_s), ("k_e", medium.k_e)]
                     .into_iter()
@@ -157,6 +162,7 @@ impl Scene {
                         (Some(_), None) => None,
                     },
                     checks,
+                    jumps,
                     data,
                 }
             })

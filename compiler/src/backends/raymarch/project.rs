@@ -1,7 +1,7 @@
 //! The projections of data (`composite`): largest, smallest and mean value along a ray, and the first surface of a value.
 //!
 //! A ray that meets data shows the colour of its value and is opaque; one that meets none shows the background.
-//! Data are sampled at half the smallest cell; an extreme is then refined by golden-section search around the best sample,
+//! Data are sampled at half the smallest cell (an eighth for a surface) and, for an extreme, at both ends; an extreme is then refined by golden-section search around the best sample,
 //! a surface by bisection between the samples on either side of it.
 
 use super::trace::{Medium, Segment, State, Tracer};
@@ -110,7 +110,9 @@ impl Tracer<'_> {
             StepRule::Closed | StepRule::Adaptive(_) => {
                 let cell = self.data_cell();
                 let cap = self.builder.frame(FrameValue::MaxWork).convert(crate::program::kernel::Prim::F32);
-                Expr::math(Math::Ceil, [length.clone() / (0.5 * cell)]).min(cap)
+                // A surface that a ray only grazes is missed between samples on the same side of it.
+                let share = if matches!(self.composite, Composite::Isosurface(_)) { 0.125 } else { 0.5 };
+                Expr::math(Math::Ceil, [length.clone() / (share * cell)]).min(cap)
             }
         };
         let count = code.bind("count", Ty::F32, count.max(2.0));
@@ -122,6 +124,21 @@ impl Tracer<'_> {
         let previous = matches!(self.composite, Composite::Isosurface(_)).then(|| code.var("previous", Ty::F32, 0.0));
         if matches!(self.composite, Composite::Maximum | Composite::Minimum) {
             after_loop = Some(code.var("best_t", Ty::F32, -1.0));
+        }
+        if let Some(best_t) = after_loop {
+            // An extreme often lies where the ray enters or leaves: looked at just inside, where rounding cannot lead out.
+            let inset = code.bind("inset", Ty::F32, length.clone() * 3e-5);
+            for (name, t) in [("at_entry", a.clone() + inset.clone()), ("at_exit", segment.b.clone() - inset)] {
+                let t = code.bind(&format!("t_{name}"), Ty::F32, t);
+                let value = code.bind(name, Ty::F32, at(t.clone()));
+                let better =
+                    if self.composite == Composite::Maximum { value.clone().greater(best) } else { value.clone().less(best) };
+                code.if_(better, |code| {
+                    code.set(best, value);
+                    code.set(found, owner);
+                    code.set(best_t, t);
+                });
+            }
         }
         let level = match self.composite {
             Composite::Isosurface(level) => Some(self.builder.value(self.graph, level, "level")),

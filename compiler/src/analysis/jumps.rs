@@ -1,0 +1,101 @@
+//! Where fields jump along a ray: planes on which a comparison changes sides, or on which a rounded coordinate changes.
+//!
+//! At a jump every rule of integration falls to order 1 unless a step ends there. Only jumps on planes are found: arguments
+//! that are affine in the position. Lattice noise is smooth across its cells, so that its roundings are left out.
+
+use super::affine::{AffineForm, affine_form};
+use crate::ir::{Binary, Filter, Graph, NodeId, Op, Unary};
+use rustc_hash::FxHashSet;
+
+/// Most jumps that are followed: beyond, step control must find them.
+const LIMIT: usize = 16;
+
+/// A family of parallel planes.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Jump {
+    /// Width 3, tier Frame or lower.
+    pub gradient: NodeId,
+    /// Width 1, tier Frame or lower.
+    pub offset: NodeId,
+    /// Whether the field jumps at every whole value of `gradient · p + offset`; else at 0 alone.
+    pub every_whole: bool,
+}
+
+type Push<'a> = &'a mut dyn FnMut(&mut Graph, Op) -> NodeId;
+
+/// The jumps of what the roots need.
+pub fn jumps(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Vec<Jump> {
+    let live = graph.reachable(roots);
+    let smooth = cells_of_noise(graph, &live);
+    let ids: Vec<NodeId> = graph.ids().filter(|id| live[id.0 as usize]).collect();
+    let mut out: Vec<Jump> = vec![];
+    let mut add = |graph: &mut Graph, push: Push<'_>, node: NodeId, shift: f64, every_whole: bool| {
+        let Some(AffineForm { gradient: Some(gradient), offset }) = affine_form(graph, push, node) else { return };
+        let offset = if shift == 0.0 {
+            offset
+        } else {
+            let shift = graph.scalar(shift);
+            push(graph, Op::Binary(Binary::Add, offset, shift))
+        };
+        let jump = Jump { gradient, offset, every_whole };
+        if out.len() < LIMIT && !out.contains(&jump) {
+            out.push(jump);
+        }
+    };
+    for id in ids {
+        match *graph.op(id) {
+            Op::Compare(_, a, b) => {
+                let difference = push(graph, Op::Binary(Binary::Sub, a, b));
+                add(graph, push, difference, 0.0, false);
+            }
+            Op::Unary(Unary::Sign, a) if graph.width(a) == 1 => add(graph, push, a, 0.0, false),
+            Op::Unary(Unary::Floor | Unary::Ceil, a) if !smooth.contains(&id) => {
+                for i in 0..graph.width(a) {
+                    let part = if graph.width(a) == 1 { a } else { push(graph, Op::Extract(a, i)) };
+                    add(graph, push, part, 0.0, true);
+                }
+            }
+            Op::Unary(Unary::Round, a) if !smooth.contains(&id) && graph.width(a) == 1 => {
+                add(graph, push, a, 0.5, true);
+            }
+            Op::Sample { grid, at } if graph.grid(grid).filter == Filter::Nearest => {
+                for i in 0..3 {
+                    let part = push(graph, Op::Extract(at, i));
+                    add(graph, push, part, 0.5, true);
+                }
+            }
+            // The slope of a trilinear cell jumps at its faces, which lie at whole coordinates.
+            Op::SampleGradient { grid, at } if graph.grid(grid).filter == Filter::Linear => {
+                for i in 0..3 {
+                    let part = push(graph, Op::Extract(at, i));
+                    add(graph, push, part, 0.0, true);
+                }
+            }
+            Op::Lookup { table, at } | Op::LookupSlope { table, at } => {
+                let slope = matches!(graph.op(id), Op::LookupSlope { .. });
+                let keys: Option<Vec<f64>> = graph.table(table).keys.iter().map(|k| graph.number(*k)).collect();
+                let keys = keys.unwrap_or_default();
+                for pair in keys.windows(2).filter(|w| slope || w[0] == w[1]) {
+                    let key = graph.scalar(pair[0]);
+                    let difference = push(graph, Op::Binary(Binary::Sub, at, key));
+                    add(graph, push, difference, 0.0, false);
+                }
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
+/// Roundings that lattice noise hashes: it is smooth across them.
+fn cells_of_noise(graph: &Graph, live: &[bool]) -> FxHashSet<NodeId> {
+    let mut found = FxHashSet::default();
+    for id in graph.ids().filter(|id| live[id.0 as usize]) {
+        if let Op::CellHash { cell, .. } = *graph.op(id) {
+            let under = graph.reachable(&[cell]);
+            let rounding = |n: &NodeId| matches!(graph.op(*n), Op::Unary(Unary::Floor | Unary::Ceil | Unary::Round, _));
+            found.extend(graph.ids().filter(|n| under[n.0 as usize]).filter(rounding));
+        }
+    }
+    found
+}
