@@ -5,7 +5,7 @@ use crate::ir::{Graph, GridId, NodeId, TableId, Type};
 use crate::program::kernel::{
     Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stmt, Struct, Ty,
 };
-use crate::program::{Binding, FrameValue, UniformField, UniformLayout, UniformSource, texture_prim};
+use crate::program::{Binding, FrameValue, UniformLayout, UniformSource, texture_prim};
 use crate::source::Span;
 use rustc_hash::FxHashMap;
 
@@ -134,16 +134,7 @@ impl KernelBuilder {
     /// The kernel, what to bind to it, and the contents of its uniform block.
     #[must_use]
     pub fn finish(mut self, name: &str, workgroup: [u32; 3], entry: Function) -> (Kernel, Vec<Binding>, UniformLayout) {
-        let shape: Vec<(u8, bool)> = self.uniforms.iter().map(|u| (u.1, u.2)).collect();
-        let (offsets, size) = uniform_offsets(&shape);
-        let fields = self.uniforms.iter().zip(offsets).map(|((name, width, integer, source), offset)| UniformField {
-            name: name.clone(),
-            offset,
-            width: *width,
-            integer: *integer,
-            source: *source,
-        });
-        let layout = UniformLayout { fields: fields.collect(), size };
+        let layout = UniformLayout::new(self.uniforms.iter().cloned());
         let prim =
             |integer: bool| if integer { crate::program::kernel::Prim::U32 } else { crate::program::kernel::Prim::F32 };
         let frame = self.uniforms.iter().map(|u| (u.0.clone(), Ty::Value(prim(u.2), u.1))).collect();
@@ -164,23 +155,6 @@ impl KernelBuilder {
         };
         (kernel, bindings, layout)
     }
-}
-
-/// WGSL's layout of a uniform struct of scalars and vectors: offsets and size in bytes.
-fn uniform_offsets(fields: &[(u8, bool)]) -> (Vec<u32>, u32) {
-    let mut end = 0u32;
-    let offsets = fields.iter().map(|(width, _)| {
-        let align = match width {
-            1 => 4,
-            2 => 8,
-            _ => 16,
-        };
-        let offset = end.next_multiple_of(align);
-        end = offset + 4 * u32::from(*width);
-        offset
-    });
-    let offsets = offsets.collect();
-    (offsets, end.next_multiple_of(16).max(16))
 }
 
 /// A constant that f32 can hold, as a literal.

@@ -79,8 +79,8 @@ fn with_unit(value: f64, param: &Param) -> String {
 /// A product of SI units.
 fn dimension(exponents: [f64; 4]) -> String {
     let part = |(unit, exponent): (&str, f64)| match exponent {
-        e if e == 0.0 => None,
-        e if e == 1.0 => Some(unit.to_owned()),
+        0.0 => None,
+        1.0 => Some(unit.to_owned()),
         e => Some(format!("{unit}^{e}")),
     };
     ["m", "s", "lx", "px"].into_iter().zip(exponents).filter_map(part).collect::<Vec<_>>().join("·")

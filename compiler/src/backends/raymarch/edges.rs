@@ -64,7 +64,7 @@ fn edge_function(graph: &Graph, builder: &mut KernelBuilder, index: usize, primi
             let spans: Vec<(Expr, Expr)> = (0..3u8)
                 .map(|i| {
                     let part = |v: &Expr| v.clone().component(i);
-                    faces(&mut code, part(&o), part(&d), part(&low), part(&high), &["x", "y", "z"][i as usize])
+                    faces(&mut code, part(&o), part(&d), part(&low), part(&high), ["x", "y", "z"][i as usize])
                 })
                 .collect();
             let near = spans.iter().map(|s| s.0.clone()).reduce(Expr::max).expect("three axes");

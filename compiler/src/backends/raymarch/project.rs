@@ -131,8 +131,11 @@ impl Tracer<'_> {
             for (name, t) in [("at_entry", a.clone() + inset.clone()), ("at_exit", segment.b.clone() - inset)] {
                 let t = code.bind(&format!("t_{name}"), Ty::F32, t);
                 let value = code.bind(name, Ty::F32, at(t.clone()));
-                let better =
-                    if self.composite == Composite::Maximum { value.clone().greater(best) } else { value.clone().less(best) };
+                let better = if self.composite == Composite::Maximum {
+                    value.clone().greater(best)
+                } else {
+                    value.clone().less(best)
+                };
                 code.if_(better, |code| {
                     code.set(best, value);
                     code.set(found, owner);

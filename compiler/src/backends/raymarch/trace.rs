@@ -304,7 +304,6 @@ impl Tracer<'_> {
     }
 
     /// The loop over segments between boundaries.
-    #[expect(clippy::too_many_arguments, reason = "the pieces of one function being written")]
     fn segments(
         &mut self,
         code: &mut Code,
@@ -790,7 +789,6 @@ fn collect(region: &super::shapes::Region, out: &mut Vec<usize>) {
 
 /// Notes the first value that is negative or not finite. By bits, since shaders may assume that such values do not occur:
 /// read as u32, only finite numbers ≥ +0 are at most 7f7fffff, and −0 is harmless.
-#[expect(clippy::too_many_arguments, reason = "the pieces of one statement being written")]
 fn check(
     code: &mut Code,
     fault: LocalId,

@@ -332,6 +332,7 @@ impl Builder<'_> {
     }
 }
 
+#[expect(clippy::needless_range_loop, reason = "a lane is one index into several registers")]
 fn run<V: Voxels + ?Sized>(code: &[Instruction], env: &Environment<'_>, voxels: &V, r: &mut [Lanes]) {
     for instruction in code {
         match instruction {
