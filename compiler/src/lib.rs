@@ -6,35 +6,35 @@
 mod compile;
 mod options;
 
-/// Texts and spans.
+// Texts and spans.
 pub mod source;
-/// The one diagnostic type, its codes and its rendering.
+// The one diagnostic type, its codes and its rendering.
 pub mod diagnostic;
-/// How texts and grid headers come in.
+// How texts and grid headers come in.
 pub mod loader;
-/// Text to syntax tree, and the one format.
+// Text to syntax tree, and the one format.
 pub mod syntax;
-/// The standard library, parsed once.
+// The standard library, parsed once.
 pub mod library;
-/// Modules and names.
+// Modules and names.
 pub mod resolve;
-/// Types and dimensions.
+// Types and dimensions.
 pub mod check;
-/// Checked scene to field graph.
+// Checked scene to field graph.
 pub mod lower;
-/// The field graph: semantics, evaluation, derivatives.
+// The field graph: semantics, evaluation, derivatives.
 pub mod ir;
-/// Facts about graphs.
+// Facts about graphs.
 pub mod analysis;
-/// Graph and facts to a better graph.
+// Graph and facts to a better graph.
 pub mod passes;
-/// Fields as kernel code, for all backends.
+// Fields as kernel code, for all backends.
 pub mod fields;
-/// Raymarching and its kin: kernels and plans.
+// Raymarching and its kin: kernels and plans.
 pub mod backends;
-/// Kernels to naga, WGSL and the other targets.
+// Kernels to naga, WGSL and the other targets.
 pub mod emit;
-/// What the runtime gets.
+// What the runtime gets.
 pub mod program;
 
 pub use compile::{check, check_scene, compile};

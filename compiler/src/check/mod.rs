@@ -1,7 +1,7 @@
 //! Types and dimensions: the only room that knows units.
 //!
 //! Checking takes the bound modules to one [`hir::Scene`]: every name resolved, every expression typed and in SI, sugar
-//! expanded. It reports as much as it can in one run; what is wrong already has the type [`types::Ty::Error`], which
+//! expanded. It reports as much as it can in one run; what is wrong already has the type `types::Ty::Error`, which
 //! fits everywhere, so that a mistake is reported once.
 
 mod blocks;

@@ -1,7 +1,7 @@
 //! Text to syntax tree. pest's `Rule` never leaves this room.
 //!
 //! [`parse`] reads the whole text with the grammar. Only when that fails does it go item by item and property by property
-//! to report every error and keep what can be read. [`format`] is the one format of the language.
+//! to report every error and keep what can be read. [`format()`] is the one format of the language.
 
 pub mod ast;
 mod brackets;
