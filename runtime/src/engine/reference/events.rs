@@ -16,13 +16,15 @@ pub(super) struct Levels {
     pub(super) list: Vec<f64>,
     /// Also every whole number plus this offset.
     pub(super) lattice: Option<f64>,
+    /// Values and most slopes are continuous there: a rough integration may ignore some.
+    pub(super) soft: bool,
 }
 
 impl Levels {
     fn list(mut list: Vec<f64>) -> Self {
         list.sort_by(f64::total_cmp);
         list.dedup();
-        Self { list, lattice: None }
+        Self { list, lattice: None, soft: false }
     }
 
     fn zero() -> Self {
@@ -30,7 +32,7 @@ impl Levels {
     }
 
     fn whole(offset: f64) -> Self {
-        Self { list: vec![], lattice: Some(offset) }
+        Self { list: vec![], lattice: Some(offset), soft: false }
     }
 
     /// How many levels lie within [low, high]: an upper bound that is cheap.
@@ -76,6 +78,8 @@ pub(super) enum Watch {
 pub(super) struct Event {
     pub(super) node: NodeId,
     pub(super) watch: Watch,
+    /// Found by unrolling a loop: the node is evaluated for its own sake alone.
+    pub(super) unrolled: bool,
 }
 
 /// Events of some roots, those that are straight along every ray apart.
@@ -121,7 +125,7 @@ fn degrees(graph: &Graph) -> Vec<u8> {
 
 /// Finds the events of `roots`, adding the nodes that describe them to the graph. `tables` are this frame's.
 pub(super) fn find(graph: &mut Graph, roots: &[NodeId], tables: &Tables) -> Events {
-    let mut found = Found { graph, tables, seen: HashSet::new(), list: vec![] };
+    let mut found = Found { graph, tables, seen: HashSet::new(), list: vec![], unrolled: false };
     found.walk(roots);
     let list = found.list;
     let degree = degrees(graph);
@@ -143,35 +147,39 @@ struct Found<'a> {
     tables: &'a Tables,
     seen: HashSet<NodeId>,
     list: Vec<Event>,
+    /// What is being looked at lies inside a loop.
+    unrolled: bool,
 }
 
 impl Found<'_> {
     fn walk(&mut self, roots: &[NodeId]) {
         let limit = self.graph.len() + MAX_UNROLLED;
-        let mut stack = roots.to_vec();
-        while let Some(id) = stack.pop() {
+        let mut stack: Vec<(NodeId, bool)> = roots.iter().map(|r| (*r, false)).collect();
+        while let Some((id, unrolled)) = stack.pop() {
             if !self.seen.insert(id) {
                 continue;
             }
+            self.unrolled = unrolled;
             let op = *self.graph.op(id);
             if let Op::Reduce { depth, start, end, body, .. } = op {
                 for i in start..end {
                     if self.graph.len() > limit {
                         break;
                     }
+                    // First in, last out: what does not depend on the loop is met outside of it first.
                     let body = substitute(self.graph, body, depth, f64::from(i));
-                    stack.push(body);
+                    stack.insert(0, (body, true));
                 }
                 continue;
             }
             self.note(&op);
-            Graph::operands(&op, |a| stack.push(a));
+            Graph::operands(&op, |a| stack.push((a, unrolled)));
         }
     }
 
     fn add(&mut self, node: NodeId, watch: Watch) {
         if !self.list.iter().any(|e| e.node == node && e.watch == watch) {
-            self.list.push(Event { node, watch });
+            self.list.push(Event { node, watch, unrolled: self.unrolled });
         }
     }
 
@@ -212,14 +220,15 @@ impl Found<'_> {
                 let (dims, filter) = (info.header.dims, info.filter);
                 self.each(at, |axis| {
                     let n = dims[axis];
-                    let offset = match filter {
-                        Filter::Nearest => 0.5,
-                        Filter::Linear | Filter::Cubic => 0.0,
+                    let (offset, soft) = match filter {
+                        Filter::Nearest => (0.5, false),
+                        Filter::Linear | Filter::Cubic => (0.0, true),
                     };
-                    let mut levels: Vec<f64> = (0..n).map(|i| f64::from(i) + offset).collect();
-                    levels.extend([-0.5, f64::from(n) - 0.5]);
-                    Watch::Levels(Levels::list(levels))
+                    let levels = Levels::list((0..n).map(|i| f64::from(i) + offset).collect());
+                    Watch::Levels(Levels { soft, ..levels })
                 });
+                // The outer faces, where the grid's `outside` begins.
+                self.each(at, |axis| Watch::Levels(Levels::list(vec![-0.5, f64::from(dims[axis]) - 0.5])));
             }
             Op::Lookup { table, at } | Op::LookupSlope { table, at } => {
                 let keys = self.tables.get(table).keys.clone();

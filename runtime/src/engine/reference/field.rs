@@ -1,6 +1,6 @@
 //! Fields of one frame as tapes, evaluated at eight points of a ray at once.
 
-use super::events::{self, Levels, Watch};
+use super::events::{self, Event, Events, Levels, Watch};
 use super::gauss::{N, Nodes};
 use super::shape::{self, AltitudeRay, Solid};
 use crate::frame::vector::{Vec3, along};
@@ -14,6 +14,16 @@ use std::collections::HashMap;
 /// A list of roots with the places where they may not be smooth.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
+    full: Sampler,
+    /// Without what had to be unrolled from loops, if anything had to: cheaper, for rough tolerances.
+    lean: Option<Sampler>,
+    /// Whether nothing varies along a ray.
+    pub(super) uniform: bool,
+}
+
+/// Tapes of some roots and of what is watched beside them.
+#[derive(Clone, Debug)]
+pub(super) struct Sampler {
     /// The roots, then the nodes of `watches`.
     pub(super) tape: Tape,
     /// How many roots there are.
@@ -24,29 +34,49 @@ pub(super) struct Field {
     pub(super) straight: Option<Tape>,
     /// Their levels.
     pub(super) levels: Vec<Levels>,
-    /// Whether nothing varies along a ray.
-    pub(super) uniform: bool,
+}
+
+impl Sampler {
+    fn new(graph: &Graph, roots: &[NodeId], events: &Events, lean: bool) -> Self {
+        let taken = |e: &&Event| !(lean && e.unrolled);
+        let (mut nodes, mut watches) = (roots.to_vec(), vec![]);
+        for event in events.curved.iter().filter(taken) {
+            nodes.push(event.node);
+            watches.push(event.watch.clone());
+        }
+        let (mut straight, mut levels) = (vec![], vec![]);
+        for event in events.straight.iter().filter(taken) {
+            if let Watch::Levels(l) = &event.watch {
+                straight.push(event.node);
+                levels.push(l.clone());
+            }
+        }
+        Self {
+            tape: Tape::new(graph, &nodes),
+            roots: roots.len(),
+            watches,
+            straight: (!straight.is_empty()).then(|| Tape::new(graph, &straight)),
+            levels,
+        }
+    }
 }
 
 impl Field {
     fn new(graph: &mut Graph, roots: &[NodeId], tables: &Tables) -> Self {
         let tiers = graph.tiers();
         let uniform = roots.iter().all(|r| tiers[r.0 as usize] < Tier::Sample);
-        let found = if uniform { events::Events::default() } else { events::find(graph, roots, tables) };
-        let nodes: Vec<NodeId> = roots.iter().copied().chain(found.curved.iter().map(|e| e.node)).collect();
-        let straight: Vec<NodeId> = found.straight.iter().map(|e| e.node).collect();
-        let levels = found.straight.into_iter().filter_map(|e| match e.watch {
-            Watch::Levels(levels) => Some(levels),
-            Watch::Peak | Watch::Pole => None,
-        });
+        let events = if uniform { Events::default() } else { events::find(graph, roots, tables) };
+        let unrolled = events.curved.iter().chain(&events.straight).any(|e| e.unrolled);
         Self {
-            tape: Tape::new(graph, &nodes),
-            roots: roots.len(),
-            watches: found.curved.into_iter().map(|e| e.watch).collect(),
-            levels: levels.collect(),
-            straight: (!straight.is_empty()).then(|| Tape::new(graph, &straight)),
+            full: Sampler::new(graph, roots, &events, false),
+            lean: unrolled.then(|| Sampler::new(graph, roots, &events, true)),
             uniform,
         }
+    }
+
+    /// What is evaluated: everything, or only what rough tolerances need.
+    pub(super) fn sampler(&self, lean: bool) -> &Sampler {
+        self.lean.as_ref().filter(|_| lean).unwrap_or(&self.full)
     }
 }
 

@@ -81,6 +81,13 @@ impl Options {
     }
 }
 
+impl Options {
+    /// Rough enough to leave kinks inside loops to the adaptive part.
+    fn is_lean(&self) -> bool {
+        self.goal == Goal::Radiance && self.rtol >= 1e-6
+    }
+}
+
 /// What kind of promise an error is.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum ErrorKind {

@@ -5,10 +5,10 @@
 //!
 //! A pixel is either the colour of its value or, where the ray meets no data, the background; so its transmittance is 0 or 1.
 
-use super::field::{Field, Ray, bad_coefficient, with_span};
+use super::field::{Ray, Sampler, bad_coefficient, with_span};
 use super::gauss::{Decay, N, Nodes, RULE, monotone, root};
 use super::interval::Intervals;
-use super::trace::{BANDS, PerBand, Worker, cuts_of, splits_of};
+use super::trace::{BANDS, PerBand, Worker, cuts_of, splits_of, thin};
 use super::{ErrorKind, Options, RayResult};
 use crate::frame::vector::{Vec3, add, dot, normalize, scale};
 use compiler::diagnostic::Diagnostic;
@@ -41,7 +41,7 @@ impl Stretch {
 /// Data of one medium along a ray: hands out stretches front to back.
 struct Walk<'w> {
     medium: usize,
-    field: &'w Field,
+    field: &'w Sampler,
     scratch: Scratch,
     stack: Vec<(f64, f64, u8, u8)>,
 }
@@ -66,7 +66,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let mut length = 0.0;
         for (m, inside) in inside.iter().enumerate() {
             let medium = &self.fields.media[m];
-            let Some(field) = &medium.data else { continue };
+            let Some(field) = medium.data.as_ref().map(|d| d.sampler(options.is_lean())) else { continue };
             if inside.0.last().is_some_and(|i| i.1.is_infinite()) {
                 let message =
                     format!("the data of medium `{}` are projected along a ray that never leaves it", medium.name);
@@ -135,8 +135,8 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     }
 
     /// Begins at one interval of a medium.
-    fn walk<'w>(&mut self, ray: &Ray, medium: usize, field: &'w Field, (start, end): (f64, f64)) -> Walk<'w> {
-        let mut cuts = vec![start, end];
+    fn walk<'w>(&mut self, ray: &Ray, medium: usize, field: &'w Sampler, (start, end): (f64, f64)) -> Walk<'w> {
+        let mut cuts = vec![(start, false), (end, false)];
         if let Some(tape) = &field.straight {
             let mut scratch = tape.scratch();
             let mut ts = [start; N];
@@ -147,8 +147,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                 cuts_of(g[0], g[1], start, end, levels, &mut cuts);
             }
         }
-        cuts.sort_by(f64::total_cmp);
-        cuts.dedup_by(|b, a| *b - *a <= 4.0 * f64::EPSILON * b.abs());
+        let cuts = thin(cuts, false);
         let least = 32usize.div_ceil(cuts.len().max(2) - 1);
         let mut stack = vec![];
         for pair in cuts.windows(2).rev() {
@@ -174,7 +173,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             if forced < 10 {
                 for (i, watch) in walk.field.watches.iter().enumerate() {
                     let watched = walk.field.tape.component(&walk.scratch, walk.field.roots + i, 0);
-                    splits_of(watched, watch, forced, &mut xs);
+                    splits_of(watched, watch, forced, false, &mut xs);
                 }
                 xs.retain(|x| *x > 1e-12 && *x < 1.0 - 1e-12);
                 xs.sort_by(f64::total_cmp);
@@ -207,7 +206,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         &mut self,
         ray: &Ray,
         m: usize,
-        field: &Field,
+        field: &Sampler,
         inside: &Intervals,
         sign: f64,
         rtol: f64,
@@ -245,7 +244,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         &mut self,
         ray: &Ray,
         m: usize,
-        field: &Field,
+        field: &Sampler,
         inside: &Intervals,
         rtol: f64,
     ) -> Result<(f64, f64), Diagnostic> {
@@ -274,7 +273,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         &mut self,
         ray: &Ray,
         m: usize,
-        field: &Field,
+        field: &Sampler,
         inside: &Intervals,
         level: f64,
     ) -> Result<Option<(f64, f64)>, Diagnostic> {
@@ -322,7 +321,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             self.fields.run_at(tape, &mut scratch, self.voxels, ray, &[at; N]);
             self.evaluations += 1;
             std::array::from_fn(|c| tape.component(&scratch, 0, c)[0])
-        } else if let Some(field) = &medium.data {
+        } else if let Some(field) = medium.data.as_ref().map(|d| d.sampler(true)) {
             // No symbolic derivative: central differences of fourth order.
             let step = 1e-4 * crate::frame::vector::length(at).max(1e-3);
             let mut scratch = field.tape.scratch();

@@ -110,37 +110,46 @@ impl Solid {
         }
     }
 
-    /// Where the ray `o + t·d`, `t ≥ 0`, |d| = 1, is inside. `sdf` gives the intervals where a field is negative.
+    /// Where the ray `o + t·d`, `t ≥ 0`, |d| = 1, is inside. `sdf` gives the intervals where a field is negative, at least
+    /// within the set of parameters it is given.
     pub(super) fn intervals<E>(
         &self,
         o: Vec3,
         d: Vec3,
-        sdf: &mut dyn FnMut(NodeId) -> Result<Intervals, E>,
+        within: &Intervals,
+        sdf: &mut dyn FnMut(NodeId, &Intervals) -> Result<Intervals, E>,
     ) -> Result<Intervals, E> {
         Ok(match self {
             Self::Everywhere => Intervals::all(),
             Self::Union(parts) => {
                 let mut all = Intervals::empty();
                 for part in parts {
-                    all = all.union(&part.intervals(o, d, sdf)?);
+                    all = all.union(&part.intervals(o, d, within, sdf)?);
                 }
                 all
             }
             Self::Intersection(parts) => {
-                let mut all = Intervals::all();
-                for part in parts {
-                    all = all.intersection(&part.intervals(o, d, sdf)?);
+                // Closed forms first: they narrow where fields have to be searched.
+                let mut all = within.clone();
+                for search in [false, true] {
+                    for part in parts {
+                        let mut fields = vec![];
+                        part.fields(&mut fields);
+                        if fields.is_empty() != search {
+                            all = all.intersection(&part.intervals(o, d, &all, sdf)?);
+                        }
+                    }
                 }
                 all
             }
             Self::Difference(first, rest) => {
-                let mut all = first.intervals(o, d, sdf)?;
+                let mut all = first.intervals(o, d, within, sdf)?;
                 for part in rest {
-                    all = all.intersection(&part.intervals(o, d, sdf)?.complement());
+                    all = all.intersection(&part.intervals(o, d, &all, sdf)?.complement());
                 }
                 all
             }
-            Self::Part { form: Form::Sdf { field }, .. } => sdf(*field)?,
+            Self::Part { form: Form::Sdf { field }, .. } => sdf(*field, within)?,
             Self::Part { from_world, form } => match from_world {
                 None => form.intervals(o, d),
                 Some((rows, offset)) => {
@@ -320,27 +329,58 @@ impl AltitudeRay {
 /// Samples of one run of a tape.
 const N: usize = 8;
 
-/// Where a field is negative along a ray.
+/// Where a field is negative along a ray, within some set of parameters.
 ///
-/// The ray is walked in octaves up to 2⁴⁰ units. A stretch of 10 samples is dismissed where the field cannot reach zero if
-/// its slope along the ray is nowhere more than twice the largest slope between neighbouring samples of that stretch;
-/// elsewhere it is divided. This is what is guaranteed: no crossing is missed of a field that keeps that condition from the
-/// first division on (64 stretches of 9 steps to the octave). Crossings are found to the last bits by bisection.
+/// Each interval of the set is walked in 64 stretches, in octaves beyond a quarter unit and up to 2⁴⁰. A stretch of 10 samples
+/// is dismissed where the field cannot reach zero if its slope along the ray is nowhere more than twice the largest slope
+/// between neighbouring samples of that stretch; elsewhere it is divided. This is what is guaranteed: no crossing is missed of
+/// a field that keeps that condition from the first division on. Beyond 4096 units eight samples have to do for the first
+/// look at an octave. Crossings are found to the last bits by bisection.
 ///
 /// # Errors
 /// Whatever `f` fails with.
-pub(super) fn negative<E>(mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>) -> Result<Intervals, E> {
+pub(super) fn negative<E>(
+    within: &Intervals,
+    mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>,
+) -> Result<Intervals, E> {
+    let mut all = Intervals::empty();
+    for (from, to) in &within.0 {
+        let found = negative_between(*from, *to, &mut f)?;
+        all = all.union(&found);
+    }
+    Ok(all)
+}
+
+fn negative_between<E>(
+    from: f64,
+    to: f64,
+    mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>,
+) -> Result<Intervals, E> {
     const PARTS: usize = 8;
-    let first = f(&[0.0; N])?[0];
+    const NEAR: f64 = 4096.0;
+    let mut ends: Vec<f64> = (-2..40).map(|k| 2f64.powi(k)).filter(|e| *e > from && *e < to).collect();
+    if to.is_finite() {
+        // One octave at a time is for rays without end; a short interval is looked at as a whole.
+        if to <= NEAR {
+            ends.clear();
+        }
+        ends.push(to);
+    }
+    let first = f(&[from; N])?[0];
     let mut crossings: Vec<f64> = vec![];
     let mut inside = first < 0.0;
     let mut result = Intervals::empty();
-    let (mut start, mut f_start) = (0.0, first);
-    for octave in -8..40 {
-        let end = 2f64.powi(octave + 1);
+    let (mut start, mut f_start) = (from, first);
+    for end in ends {
         let width = (end - start) / PARTS as f64;
-        let ts: [f64; N] = std::array::from_fn(|i| start + width * (i + 1) as f64);
+        let ts: [f64; N] = std::array::from_fn(|i| if i + 1 == PARTS { end } else { start + width * (i + 1) as f64 });
         let values = f(&ts)?;
+        let slope = (1..N).map(|i| (values[i] - values[i - 1]).abs()).fold((values[0] - f_start).abs(), f64::max);
+        let least = values.iter().fold(f_start.abs(), |m, v| m.min(v.abs()));
+        if end > NEAR && least > 2.0 * slope {
+            (start, f_start) = (end, values[PARTS - 1]);
+            continue;
+        }
         let mut stack = vec![];
         for i in (0..PARTS).rev() {
             let before = if i == 0 { (start, f_start) } else { (ts[i - 1], values[i - 1]) };
@@ -393,7 +433,7 @@ pub(super) fn negative<E>(mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>) -
         f_start = values[PARTS - 1];
         start = end;
     }
-    let mut from = 0.0;
+    let mut from = from;
     for t in crossings {
         if inside && t > from {
             result.0.push((from, t));
@@ -401,8 +441,8 @@ pub(super) fn negative<E>(mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>) -
         inside = !inside;
         from = t;
     }
-    if inside {
-        result.0.push((from, f64::INFINITY));
+    if inside && from < to {
+        result.0.push((from, to));
     }
     Ok(result)
 }
@@ -497,7 +537,7 @@ mod tests {
     }
 
     fn sdf(f: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
-        negative(|ts| Ok::<_, ()>(ts.map(&f))).unwrap().0
+        negative(&Intervals::all(), |ts| Ok::<_, ()>(ts.map(&f))).unwrap().0
     }
 
     #[test]

@@ -56,7 +56,12 @@ pub(super) struct Worker<'r, V: ?Sized> {
     /// Metres per unit.
     pub(super) metre: f64,
     pub(super) bands: usize,
-    pub(super) scratch: Vec<Scratch>,
+    /// Registers of each medium's tape: the full one, then the lean one.
+    scratch: [Vec<Scratch>; 2],
+    /// Rough tolerances: cheaper tapes.
+    pub(super) lean: bool,
+    /// Rougher still: fewer cuts.
+    rough: bool,
     pub(super) evaluations: u64,
     /// Bands whose optical depth is infinite whatever comes: there an overflow is no mistake.
     pub(super) opaque: [bool; BANDS],
@@ -84,8 +89,20 @@ impl Sum {
 
 impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
     pub(super) fn new(fields: &'r Fields, voxels: &'r V, metre: f64, bands: usize) -> Self {
-        let scratch = fields.media.iter().map(|m| m.field.tape.scratch()).collect();
-        Self { fields, voxels, metre, bands, scratch, evaluations: 0, opaque: [false; BANDS], overflow: [false; BANDS] }
+        let scratch =
+            [false, true].map(|lean| fields.media.iter().map(|m| m.field.sampler(lean).tape.scratch()).collect());
+        Self {
+            fields,
+            voxels,
+            metre,
+            bands,
+            scratch,
+            lean: false,
+            rough: false,
+            evaluations: 0,
+            opaque: [false; BANDS],
+            overflow: [false; BANDS],
+        }
     }
 
     /// Where the ray is inside each medium.
@@ -93,10 +110,10 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         let fields = self.fields;
         let mut all = vec![];
         for medium in &fields.media {
-            let mut sdf = |node| -> Result<Intervals, Diagnostic> {
+            let mut sdf = |node, within: &Intervals| -> Result<Intervals, Diagnostic> {
                 let tape = &fields.sdf[&node];
                 let mut scratch = tape.scratch();
-                negative(|ts| {
+                negative(within, |ts| {
                     fields.run(tape, &mut scratch, self.voxels, ray, ts, false);
                     self.evaluations += N as u64;
                     let values = *tape.component(&scratch, 0, 0);
@@ -109,7 +126,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     }
                 })
             };
-            all.push(medium.solid.intervals(ray.origin, ray.direction, &mut sdf)?);
+            all.push(medium.solid.intervals(ray.origin, ray.direction, &Intervals::all(), &mut sdf)?);
         }
         Ok(all)
     }
@@ -142,13 +159,14 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         let mut total = [[[0.0; N]; BANDS]; 2];
         for &m in active {
             let medium = &self.fields.media[m];
-            let tape = &medium.field.tape;
-            self.fields.run(tape, &mut self.scratch[m], self.voxels, ray, ts, false);
+            let tape = &medium.field.sampler(self.lean).tape;
+            let scratch = &mut self.scratch[usize::from(self.lean)][m];
+            self.fields.run(tape, scratch, self.voxels, ray, ts, false);
             for (root, name) in ["k_a", "k_s", "k_e"].into_iter().enumerate() {
                 let into = &mut total[root / 2];
                 let width = tape.width(root);
                 for band in 0..self.bands {
-                    let values = tape.component(&self.scratch[m], root, band.min(width - 1));
+                    let values = tape.component(scratch, root, band.min(width - 1));
                     for (lane, value) in values.iter().enumerate() {
                         if *value >= 0.0 && *value < f64::INFINITY {
                             into[band][lane] += value;
@@ -169,10 +187,11 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
     /// Where in the panel just sampled (0..1) its fields may not be smooth.
     fn splits(&self, active: &[usize], forced: u8, out: &mut Vec<f64>) {
         for &m in active {
-            let field = &self.fields.media[m].field;
+            let field = self.fields.media[m].field.sampler(self.lean);
+            let scratch = &self.scratch[usize::from(self.lean)][m];
             for (i, watch) in field.watches.iter().enumerate() {
-                let values = field.tape.component(&self.scratch[m], field.roots + i, 0);
-                splits_of(values, watch, forced, out);
+                let values = field.tape.component(scratch, field.roots + i, 0);
+                splits_of(values, watch, forced, self.lean, out);
             }
         }
         out.retain(|x| *x > 1e-12 && *x < 1.0 - 1e-12);
@@ -235,12 +254,11 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         if *uniform {
             return self.build(ray, segments, segment, (start, end - start, 0), out);
         }
-        let mut cuts = vec![start, end];
+        let mut cuts = vec![(start, false), (end, false)];
         for &m in active {
             self.straight(ray, m, start, end, &mut cuts);
         }
-        cuts.sort_by(f64::total_cmp);
-        cuts.dedup_by(|b, a| *b - *a <= 4.0 * f64::EPSILON * b.abs());
+        let cuts = thin(cuts, self.rough);
         let pieces = cuts.len() - 1;
         for pair in cuts.windows(2) {
             let (a, b) = (pair[0], pair[1]);
@@ -255,8 +273,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
     }
 
     /// Adds the parameters where a straight node of a medium passes a level.
-    fn straight(&mut self, ray: &Ray, medium: usize, start: f64, end: f64, cuts: &mut Vec<f64>) {
-        let field = &self.fields.media[medium].field;
+    fn straight(&mut self, ray: &Ray, medium: usize, start: f64, end: f64, cuts: &mut Vec<(f64, bool)>) {
+        let field = self.fields.media[medium].field.sampler(self.lean);
         let Some(tape) = &field.straight else { return };
         let mut scratch = tape.scratch();
         let mut ts = [start; N];
@@ -274,6 +292,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         self.evaluations = 0;
         self.opaque = [false; BANDS];
         self.overflow = [false; BANDS];
+        self.lean = options.is_lean();
+        self.rough = self.lean && options.rtol >= 5e-4;
         let inside = self.inside(ray)?;
         let segments = self.segments(&inside);
         if let Some(steps) = options.steps {
@@ -283,7 +303,14 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         let mut rest = super::tail::Rest::default();
         for (i, segment) in segments.iter().enumerate() {
             if segment.end.is_finite() {
-                self.first(ray, &segments, i, (segment.start, segment.end), 32, &mut panels)?;
+                self.first(
+                    ray,
+                    &segments,
+                    i,
+                    (segment.start, segment.end),
+                    if self.rough { 16 } else { 32 },
+                    &mut panels,
+                )?;
             } else {
                 rest = self.tail(ray, &segments, i, &mut panels, options)?;
             }
@@ -464,7 +491,14 @@ pub(super) fn compose(panels: &[Panel], behind: &PerBand, bands: usize) -> Total
 }
 
 /// Cuts where a straight quantity passes levels on its way from `g0` at `start` to `g1` at `end`.
-pub(super) fn cuts_of(g0: f64, g1: f64, start: f64, end: f64, levels: &super::events::Levels, cuts: &mut Vec<f64>) {
+pub(super) fn cuts_of(
+    g0: f64,
+    g1: f64,
+    start: f64,
+    end: f64,
+    levels: &super::events::Levels,
+    cuts: &mut Vec<(f64, bool)>,
+) {
     // Lattices far finer than the segment are left to the adaptive part.
     const MOST: f64 = 100_000.0;
     if !g0.is_finite() || !g1.is_finite() || g0 == g1 || levels.count(g0.min(g1), g0.max(g1)) > MOST {
@@ -473,13 +507,32 @@ pub(super) fn cuts_of(g0: f64, g1: f64, start: f64, end: f64, levels: &super::ev
     levels.visit(g0.min(g1), g0.max(g1), |level| {
         let t = start + (end - start) * ((level - g0) / (g1 - g0));
         if t > start && t < end {
-            cuts.push(t);
+            cuts.push((t, levels.soft));
         }
     });
 }
 
+/// Sorts cuts and drops those that coincide, and when rough also two of three in every run of soft ones.
+pub(super) fn thin(mut cuts: Vec<(f64, bool)>, rough: bool) -> Vec<f64> {
+    cuts.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut kept: Vec<f64> = vec![];
+    let mut skipped = 0;
+    for (t, soft) in cuts {
+        if kept.last().is_some_and(|last| t - last <= 4.0 * f64::EPSILON * t.abs()) {
+            continue;
+        }
+        if rough && soft && skipped < 2 {
+            skipped += 1;
+            continue;
+        }
+        skipped = 0;
+        kept.push(t);
+    }
+    kept
+}
+
 /// Where in a panel (0..1) it should be divided for the sake of one watched quantity.
-pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, out: &mut Vec<f64>) {
+pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, out: &mut Vec<f64>) {
     if values.iter().any(|v| !v.is_finite()) {
         return;
     }
@@ -498,7 +551,7 @@ pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, out: &mut Vec
                 return;
             }
             if !resolved || count > 64.0 {
-                if forced < 8 {
+                if forced < if lean { 2 } else { 8 } {
                     out.push(0.5);
                 }
                 return;
