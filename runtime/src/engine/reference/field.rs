@@ -287,7 +287,11 @@ pub fn bad_coefficient(medium: &str, span: Option<Span>, field: &str, value: f64
         Diagnostic::error("E0650", format!("{field} of medium `{medium}` is negative: {value:.6e} {place}"))
             .hint(format!("clamp it: `{field} = max(0, …)`"))
     } else {
-        let what = if value.is_nan() { "not a number" } else { "infinite" };
+        let what = match value {
+            v if v.is_nan() => "not a number".to_owned(),
+            v if v.is_finite() => format!("too large ({v:e})"),
+            _ => "infinite".to_owned(),
+        };
         Diagnostic::error("E0651", format!("{field} of medium `{medium}` is {what} {place}"))
             .hint("look for a division by zero, a root or logarithm of a negative number, or an overflow there")
     };

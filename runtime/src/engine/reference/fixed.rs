@@ -9,8 +9,28 @@ use super::{ErrorKind, RayResult};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 
-/// Marches `steps` steps, spread over the segments by length, at least one each. The error is not estimated: it is infinite.
+/// Marches `steps` steps, spread over the segments by length, at least one each. The error is estimated by the difference to
+/// half as many steps, about three times what a rule of second order leaves on a smooth field.
 pub(super) fn march<V: Voxels + ?Sized>(
+    worker: &mut Worker<'_, V>,
+    ray: &Ray,
+    segments: &[Segment],
+    behind: &PerBand,
+    steps: u32,
+) -> Result<RayResult, Diagnostic> {
+    let mut result = run(worker, ray, segments, behind, steps)?;
+    let other = run(worker, ray, segments, behind, if steps > 1 { steps / 2 } else { 2 })?;
+    let apart = |a: &[f64], b: &[f64]| -> Vec<f64> {
+        let one = |(a, b): (&f64, &f64)| if a == b { 4.0 * f64::EPSILON * a.abs() } else { (a - b).abs() };
+        a.iter().zip(b).map(one).map(|e| if e.is_finite() { e } else { 0.0 }).collect()
+    };
+    result.error = apart(&result.radiance, &other.radiance);
+    result.error_tau = apart(&result.optical_depth, &other.optical_depth);
+    result.evaluations = worker.evaluations;
+    Ok(result)
+}
+
+fn run<V: Voxels + ?Sized>(
     worker: &mut Worker<'_, V>,
     ray: &Ray,
     segments: &[Segment],
@@ -55,8 +75,8 @@ pub(super) fn march<V: Voxels + ?Sized>(
     Ok(RayResult {
         radiance: (0..bands).map(|b| radiance[b].get()).collect(),
         transmittance: optical_depth.iter().map(|t| (-t).exp()).collect(),
-        error: vec![f64::INFINITY; bands],
-        error_tau: vec![f64::INFINITY; bands],
+        error: vec![0.0; bands],
+        error_tau: vec![0.0; bands],
         optical_depth,
         error_kind: ErrorKind::Estimate,
         evaluations: worker.evaluations,

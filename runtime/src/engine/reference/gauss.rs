@@ -221,7 +221,8 @@ mod tests {
 
     #[test]
     fn errors_are_estimated_from_above() {
-        let cases: [(fn(f64) -> f64, f64); 6] = [
+        type Case = (fn(f64) -> f64, f64);
+        let cases: [Case; 6] = [
             (|x| (-3.0 * x).exp(), (1.0 - (-3.0f64).exp()) / 3.0),
             (|x| (20.0 * x).sin(), (1.0 - 20.0f64.cos()) / 20.0),
             (|x| (x - 0.3).abs(), 0.29),

@@ -68,7 +68,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { rtol: 1e-10, atol: 0.0, goal: Goal::All, max_evaluations: 8_000_000, steps: None }
+        Self { rtol: 1e-10, atol: 0.0, goal: Goal::All, max_evaluations: 2_000_000, steps: None }
     }
 }
 

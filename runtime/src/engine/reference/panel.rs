@@ -19,6 +19,10 @@ pub(super) struct Slice {
     pub(super) exact: bool,
     /// The highest coefficients are rounding noise or near it: dividing further may gain nothing.
     pub(super) noisy: bool,
+    /// σ and j at the near end, by the interpolant.
+    pub(super) near: [f64; 2],
+    /// Likewise at the far end.
+    pub(super) far: [f64; 2],
 }
 
 /// (1 − e^(−x))/x, 1 at 0.
@@ -42,7 +46,23 @@ pub(super) fn constant(h: f64, sigma: f64, j: f64) -> Slice {
     };
     let error = 4.0 * f64::EPSILON;
     let tau_error = if tau.is_finite() { error * tau } else { 0.0 };
-    Slice { tau, tau_error, radiance, radiance_error: error * radiance, exact: true, noisy: true }
+    let ends = [sigma, j];
+    Slice {
+        tau,
+        tau_error,
+        radiance,
+        radiance_error: error * radiance,
+        exact: true,
+        noisy: true,
+        near: ends,
+        far: ends,
+    }
+}
+
+/// Values of an interpolant at 0 and 1: P_k is (−1)^k and 1 there.
+fn ends(c: &Nodes) -> (f64, f64) {
+    let (even, odd) = (c[0] + c[2] + c[4] + c[6], c[1] + c[3] + c[5] + c[7]);
+    (even - odd, even + odd)
 }
 
 /// Extinction `s` and emission `j` at the nodes of a panel of length `h`; all finite and not negative.
@@ -54,7 +74,17 @@ pub(super) fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
     }
     let rule = &*RULE;
     let c = rule.coefficients(s);
-    let decay = Decay::of(&c);
+    let emitted = rule.coefficients(j);
+    let (sigma_ends, j_ends) = (ends(&c), ends(&emitted));
+    let slice = vary(h, (s, j), (&c, &emitted));
+    Slice { near: [sigma_ends.0, j_ends.0], far: [sigma_ends.1, j_ends.1], ..slice }
+}
+
+/// The same for values that vary, with the coefficients of both interpolants.
+fn vary(h: f64, (s, j): (&Nodes, &Nodes), (c, emitted): (&Nodes, &Nodes)) -> Slice {
+    let rule = &*RULE;
+    let (s_max, j_max) = (range(s).1, range(j).1);
+    let decay = Decay::of(c);
     let noise = 2.0 * f64::EPSILON;
     let tau = h * rule.mean(s);
     let tau_error = h * decay.quadrature() + noise * tau;
@@ -63,7 +93,7 @@ pub(super) fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
         return Slice { tau, tau_error, noisy, ..Slice::default() };
     }
     if s_max == 0.0 {
-        let decay = Decay::of(&rule.coefficients(j));
+        let decay = Decay::of(emitted);
         let radiance = h * rule.mean(j);
         let noisy = decay.last <= 1e-9 * j_max;
         let radiance_error = h * decay.quadrature() + noise * radiance;
@@ -89,7 +119,7 @@ pub(super) fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
         // Emission proportional to extinction: only the total depth matters.
         let radiance = high * opacity;
         let radiance_error = high * (-tau).exp() * tau_error + noise * radiance;
-        return Slice { tau, tau_error, radiance, radiance_error, exact: false, noisy };
+        return Slice { tau, tau_error, radiance, radiance_error, noisy, ..Slice::default() };
     }
     if tau <= 6.0 {
         // The mean source under these weights makes a constant source exact, and with it whatever j has in common with σ.
@@ -106,14 +136,14 @@ pub(super) fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
         let inside = h * decay.interpolation();
         let radiance_error =
             h * rest_decay.quadrature() + rest_size * inside + source * (-tau).exp() * tau_error + noise * radiance;
-        return Slice { tau, tau_error, radiance, radiance_error, exact: false, noisy };
+        return Slice { tau, tau_error, radiance, radiance_error, noisy, ..Slice::default() };
     }
     // Optically thick: only the range of the source is certain until the panel has been divided.
     let source = if q_absorbed > 1e-3 { (q_seen / q_absorbed).clamp(low, high) } else { j[0] / s[0] };
     let most = h * j_max;
     let radiance = if source.is_finite() { (source * opacity).min(most) } else { most };
     let radiance_error = (high - low).min(most) + noise * radiance;
-    Slice { tau, tau_error, radiance, radiance_error, exact: false, noisy: false }
+    Slice { tau, tau_error, radiance, radiance_error, ..Slice::default() }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 use super::field::{Ray, Sampler, bad_coefficient, with_span};
 use super::gauss::{Decay, N, Nodes, RULE, monotone, root};
 use super::interval::Intervals;
-use super::trace::{BANDS, PerBand, Worker, cuts_of, splits_of, thin};
+use super::trace::{BANDS, MOST, PerBand, Worker, cuts_of, sort_splits, splits_of, thin};
 use super::{ErrorKind, Options, RayResult};
 use crate::frame::vector::{Vec3, add, dot, normalize, scale};
 use compiler::diagnostic::Diagnostic;
@@ -144,7 +144,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             self.fields.run(tape, &mut scratch, self.voxels, ray, &ts, false);
             for (i, levels) in field.levels.iter().enumerate() {
                 let g = tape.component(&scratch, i, 0);
-                cuts_of(g[0], g[1], start, end, levels, &mut cuts);
+                cuts_of((g[0], g[1]), (start, end), levels, MOST, &mut cuts);
             }
         }
         let cuts = thin(cuts, false);
@@ -175,13 +175,11 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                     let watched = walk.field.tape.component(&walk.scratch, walk.field.roots + i, 0);
                     splits_of(watched, watch, forced, false, &mut xs);
                 }
-                xs.retain(|x| *x > 1e-12 && *x < 1.0 - 1e-12);
-                xs.sort_by(f64::total_cmp);
-                xs.dedup_by(|b, a| *b - *a < 1e-12);
+                sort_splits(&mut xs);
             }
             if !xs.is_empty() {
                 let mut end = 1.0;
-                for x in xs.iter().rev().copied().chain([0.0]) {
+                for x in xs.iter().rev().map(|x| x.0).chain([0.0]) {
                     walk.stack.push((a + h * x, h * (end - x), depth + 1, forced + 1));
                     end = x;
                 }

@@ -54,7 +54,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let mut rest = Rest::default();
         if segment.uniform {
             let mut one = vec![];
-            self.first(ray, segments, index, (segment.start, segment.start + 1.0), 1, &mut one)?;
+            self.first(ray, segments, index, (segment.start, segment.start + 1.0), (1, 0.0), &mut one)?;
             if let Some(p) = one.pop() {
                 self.forever(segment, p, segment.start, panels)?;
             }
@@ -65,7 +65,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         loop {
             let before = compose(panels, &[0.0; BANDS], bands);
             let first = panels.len();
-            self.first(ray, segments, index, (t, t + w), 8, panels)?;
+            self.first(ray, segments, index, (t, t + w), (8, 512.0), panels)?;
             t += w;
             let after = compose(panels, &[0.0; BANDS], bands);
             let steps: PerBand = std::array::from_fn(|b| panels[first..].iter().map(|p| p.slices[b].tau).sum::<f64>());

@@ -13,6 +13,10 @@ use compiler::ir::eval::{Scratch, Voxels};
 
 /// A scene has at most this many bands.
 pub(super) const BANDS: usize = 4;
+/// Larger coefficients count as infinite: sums and products of a few such still are finite.
+const LARGEST: f64 = 1e280;
+/// Lattices with more crossings than this on one stretch are left to the adaptive part.
+pub(super) const MOST: f64 = 100_000.0;
 /// One number per band.
 pub(super) type PerBand = [f64; BANDS];
 
@@ -39,7 +43,34 @@ pub(super) struct Panel {
     pub(super) stalled: u8,
     /// Share of the tolerance that its parent had.
     pub(super) parent: f64,
+    /// Its near end is where a stretch was divided for no reason in the fields: they should be continuous there.
+    pub(super) plain: bool,
+    /// What a jump at either end that no node has seen may add to the errors of depth and radiance.
+    pub(super) seam: [[f64; 2]; BANDS],
     pub(super) slices: [Slice; BANDS],
+}
+
+impl Panel {
+    fn tau_error(&self, band: usize) -> f64 {
+        self.slices[band].tau_error + self.seam[band][0]
+    }
+
+    fn radiance_error(&self, band: usize) -> f64 {
+        self.slices[band].radiance_error + self.seam[band][1]
+    }
+
+    fn is_exact(&self, band: usize) -> bool {
+        self.slices[band].exact && self.seam[band] == [0.0; 2]
+    }
+
+    /// Dividing it has not helped for long, and what is left looks like rounding.
+    fn is_exhausted(&self, bands: usize) -> bool {
+        self.stalled >= 6
+            && (0..bands).all(|b| {
+                let (s, seam) = (&self.slices[b], &self.seam[b]);
+                (s.noisy || s.exact) && seam[0] <= 1e-9 * s.tau && seam[1] <= 1e-9 * s.radiance
+            })
+    }
 }
 
 /// What each band of a whole ray comes to.
@@ -168,9 +199,9 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 for band in 0..self.bands {
                     let values = tape.component(scratch, root, band.min(width - 1));
                     for (lane, value) in values.iter().enumerate() {
-                        if *value >= 0.0 && *value < f64::INFINITY {
+                        if *value >= 0.0 && *value <= LARGEST {
                             into[band][lane] += value;
-                        } else if self.opaque[band] && !value.is_finite() {
+                        } else if self.opaque[band] && (value.is_nan() || *value > LARGEST) {
                             self.overflow[band] = true;
                         } else {
                             let place = scale(ray.at(ts[lane]), self.metre);
@@ -185,7 +216,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
     }
 
     /// Where in the panel just sampled (0..1) its fields may not be smooth.
-    fn splits(&self, active: &[usize], forced: u8, out: &mut Vec<f64>) {
+    /// The flag tells a mere bisection.
+    fn splits(&self, active: &[usize], forced: u8, out: &mut Vec<(f64, bool)>) {
         for &m in active {
             let field = self.fields.media[m].field.sampler(self.lean);
             let scratch = &self.scratch[usize::from(self.lean)][m];
@@ -194,9 +226,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 splits_of(values, watch, forced, self.lean, out);
             }
         }
-        out.retain(|x| *x > 1e-12 && *x < 1.0 - 1e-12);
-        out.sort_by(f64::total_cmp);
-        out.dedup_by(|b, a| *b - *a < 1e-12);
+        sort_splits(out);
     }
 
     /// Solves a stretch of a segment, divided where its fields ask for it.
@@ -205,13 +235,13 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         ray: &Ray,
         segments: &[Segment],
         segment: usize,
-        (a, h, forced): (f64, f64, u8),
+        (a, h, forced, plain): (f64, f64, u8, bool),
         out: &mut Vec<Panel>,
     ) -> Result<(), Diagnostic> {
         let active = &segments[segment].active;
-        let mut stack = vec![(a, h, forced)];
+        let mut stack = vec![(a, h, forced, plain)];
         let mut xs = vec![];
-        while let Some((a, h, forced)) = stack.pop() {
+        while let Some((a, h, forced, plain)) = stack.pop() {
             let ts = RULE.x.map(|x| a + h * x);
             let [sigma, emission] = self.sample(ray, active, &ts)?;
             if forced < 14 && h > 64.0 * f64::EPSILON * a.abs() {
@@ -219,8 +249,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 self.splits(active, forced, &mut xs);
                 if !xs.is_empty() {
                     let mut end = 1.0;
-                    for x in xs.iter().rev().copied().chain([0.0]) {
-                        stack.push((a + h * x, h * (end - x), forced + 1));
+                    for (x, plain) in xs.iter().rev().copied().chain([(0.0, plain)]) {
+                        stack.push((a + h * x, h * (end - x), forced + 1, plain));
                         end = x;
                     }
                     continue;
@@ -235,7 +265,17 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     solve(h, &sigma[band], &emission[band])
                 };
             }
-            out.push(Panel { a, h, segment, forced, stalled: 0, parent: f64::INFINITY, slices });
+            out.push(Panel {
+                a,
+                h,
+                segment,
+                forced,
+                stalled: 0,
+                parent: f64::INFINITY,
+                plain,
+                seam: [[0.0; 2]; BANDS],
+                slices,
+            });
         }
         Ok(())
     }
@@ -247,16 +287,16 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         segments: &[Segment],
         segment: usize,
         (start, end): (f64, f64),
-        least: usize,
+        (least, most): (usize, f64),
         out: &mut Vec<Panel>,
     ) -> Result<(), Diagnostic> {
         let Segment { active, uniform, .. } = &segments[segment];
         if *uniform {
-            return self.build(ray, segments, segment, (start, end - start, 0), out);
+            return self.build(ray, segments, segment, (start, end - start, 0, false), out);
         }
         let mut cuts = vec![(start, false), (end, false)];
         for &m in active {
-            self.straight(ray, m, start, end, &mut cuts);
+            self.straight(ray, m, (start, end), most, &mut cuts);
         }
         let cuts = thin(cuts, self.rough);
         let pieces = cuts.len() - 1;
@@ -266,14 +306,14 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             let parts = if pieces >= least { 1.0 } else { share.max(1.0) };
             let h = (b - a) / parts;
             for i in 0..parts as usize {
-                self.build(ray, segments, segment, (a + h * i as f64, h, 0), out)?;
+                self.build(ray, segments, segment, (a + h * i as f64, h, 0, i > 0), out)?;
             }
         }
         Ok(())
     }
 
     /// Adds the parameters where a straight node of a medium passes a level.
-    fn straight(&mut self, ray: &Ray, medium: usize, start: f64, end: f64, cuts: &mut Vec<(f64, bool)>) {
+    fn straight(&mut self, ray: &Ray, medium: usize, (start, end): (f64, f64), most: f64, cuts: &mut Vec<(f64, bool)>) {
         let field = self.fields.media[medium].field.sampler(self.lean);
         let Some(tape) = &field.straight else { return };
         let mut scratch = tape.scratch();
@@ -283,7 +323,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         self.evaluations += 2;
         for (i, levels) in field.levels.iter().enumerate() {
             let values = tape.component(&scratch, i, 0);
-            cuts_of(values[0], values[1], start, end, levels, cuts);
+            cuts_of((values[0], values[1]), (start, end), levels, most, cuts);
         }
     }
 
@@ -308,7 +348,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     &segments,
                     i,
                     (segment.start, segment.end),
-                    if self.rough { 16 } else { 32 },
+                    (if self.rough { 16 } else { 32 }, MOST),
                     &mut panels,
                 )?;
             } else {
@@ -333,17 +373,18 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         let bands = self.bands;
         let mut shares: Vec<f64> = vec![];
         loop {
+            seams(panels, bands);
             let totals = compose(panels, behind, bands);
             shares.clear();
             for (panel, wrong) in panels.iter().zip(weigh(panels, behind, bands)) {
                 let mut share = 0.0f64;
-                for b in (0..bands).filter(|b| !panel.slices[*b].exact) {
+                for b in (0..bands).filter(|b| !panel.is_exact(*b)) {
                     let allowed = (options.rtol * totals.radiance[b]).max(options.atol).max(1e-300);
                     share = share.max(wrong[b] / allowed);
                     let tau = totals.tau[b];
                     if options.goal == Goal::All && tau.is_finite() && !rest.infinite[b] {
                         let allowed = options.rtol * if tau < 745.0 { tau.min(1.0) } else { tau };
-                        share = share.max(panel.slices[b].tau_error / allowed.max(1e-300));
+                        share = share.max(panel.tau_error(b) / allowed.max(1e-300));
                     }
                 }
                 shares.push(share);
@@ -366,8 +407,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 }
                 left -= shares[i];
                 let p = &panels[i];
-                let exhausted = p.stalled >= 6 && p.slices[..bands].iter().all(|s| s.noisy || s.exact);
-                if !exhausted && p.h.is_finite() && p.h > 8.0 * f64::EPSILON * p.a.abs() && p.h > 1e-290 {
+                if !p.is_exhausted(bands) && p.h.is_finite() && p.h > 8.0 * f64::EPSILON * p.a.abs() && p.h > 1e-290 {
                     divide[i] = true;
                     any = true;
                 }
@@ -383,9 +423,9 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 }
                 let half = 0.5 * p.h;
                 let stalled = if shares[i] > 0.4 * p.parent { p.stalled + 1 } else { 0 };
-                for a in [p.a, p.a + half] {
+                for (a, plain) in [(p.a, p.plain), (p.a + half, true)] {
                     let first = panels.len();
-                    self.build(ray, segments, p.segment, (a, half, p.forced), panels)?;
+                    self.build(ray, segments, p.segment, (a, half, p.forced, plain), panels)?;
                     for child in &mut panels[first..] {
                         child.stalled = stalled;
                         child.parent = shares[i];
@@ -406,8 +446,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         for b in 0..bands {
             for (p, w) in panels.iter().zip(&weights) {
                 wrong[b] += w[b];
-                wrong_tau[b] += p.slices[b].tau_error;
-                closed &= p.slices[b].exact;
+                wrong_tau[b] += p.tau_error(b);
+                closed &= p.is_exact(b);
             }
             // Where a medium begins or ends is rounded relative to its distance: dL/dt there is ±T·σ·(S − L).
             let mut tau = Sum::default();
@@ -467,11 +507,42 @@ fn weigh(panels: &[Panel], behind: &PerBand, bands: usize) -> Vec<PerBand> {
         for (w, p) in wrong.iter_mut().zip(panels) {
             let s = &p.slices[b];
             let reach = (-tau.get()).exp();
-            w[b] = if reach > 0.0 { reach * (s.radiance_error + (-s.tau).exp() * w[b] * s.tau_error) } else { 0.0 };
+            w[b] =
+                if reach > 0.0 { reach * (p.radiance_error(b) + (-s.tau).exp() * w[b] * p.tau_error(b)) } else { 0.0 };
             tau.add(s.tau);
         }
     }
     wrong
+}
+
+/// What hides between panels: where the interpolants on both sides of a mere division disagree, something jumps between the
+/// last node of one and the first of the other, each at most a fiftieth of its panel away.
+fn seams(panels: &mut [Panel], bands: usize) {
+    const UNSEEN: f64 = 0.02;
+    panels.iter_mut().for_each(|p| p.seam = [[0.0; 2]; BANDS]);
+    for i in 1..panels.len() {
+        let (before, after) = panels.split_at_mut(i);
+        let (p, q) = (&mut before[i - 1], &mut after[0]);
+        if !q.plain || p.segment != q.segment {
+            continue;
+        }
+        for b in 0..bands {
+            let ([s0, j0], [s1, j1]) = (p.slices[b].far, q.slices[b].near);
+            let beyond_noise = |x: f64, size: f64| if x.abs() <= 1e-12 * size.abs() { 0.0 } else { x };
+            let (ds, dj) = (beyond_noise(s1 - s0, s0), beyond_noise(j1 - j0, j0));
+            if ds == 0.0 && dj == 0.0 {
+                continue;
+            }
+            let most = p.slices[b].radiance.max(q.slices[b].radiance);
+            for side in [&mut *p, &mut *q] {
+                let s = &side.slices[b];
+                // A jump of σ with its source changes depth alone.
+                let source = if s.tau > 0.0 { s.radiance / -(-s.tau).exp_m1() } else { 0.0 };
+                side.seam[b][0] += UNSEEN * side.h * ds.abs();
+                side.seam[b][1] += (UNSEEN * side.h * (dj - source * ds).abs()).min(most);
+            }
+        }
+    }
 }
 
 /// Totals of solved panels in order.
@@ -492,16 +563,13 @@ pub(super) fn compose(panels: &[Panel], behind: &PerBand, bands: usize) -> Total
 
 /// Cuts where a straight quantity passes levels on its way from `g0` at `start` to `g1` at `end`.
 pub(super) fn cuts_of(
-    g0: f64,
-    g1: f64,
-    start: f64,
-    end: f64,
+    (g0, g1): (f64, f64),
+    (start, end): (f64, f64),
     levels: &super::events::Levels,
+    most: f64,
     cuts: &mut Vec<(f64, bool)>,
 ) {
-    // Lattices far finer than the segment are left to the adaptive part.
-    const MOST: f64 = 100_000.0;
-    if !g0.is_finite() || !g1.is_finite() || g0 == g1 || levels.count(g0.min(g1), g0.max(g1)) > MOST {
+    if !g0.is_finite() || !g1.is_finite() || g0 == g1 || levels.count(g0.min(g1), g0.max(g1)) > most {
         return;
     }
     levels.visit(g0.min(g1), g0.max(g1), |level| {
@@ -510,6 +578,13 @@ pub(super) fn cuts_of(
             cuts.push((t, levels.soft));
         }
     });
+}
+
+/// Sorts divisions and drops those at the ends and those that coincide.
+pub(super) fn sort_splits(xs: &mut Vec<(f64, bool)>) {
+    xs.retain(|x| x.0 > 1e-12 && x.0 < 1.0 - 1e-12);
+    xs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    xs.dedup_by(|b, a| b.0 - a.0 < 1e-12);
 }
 
 /// Sorts cuts and drops those that coincide, and when rough also two of three in every run of soft ones.
@@ -532,7 +607,7 @@ pub(super) fn thin(mut cuts: Vec<(f64, bool)>, rough: bool) -> Vec<f64> {
 }
 
 /// Where in a panel (0..1) it should be divided for the sake of one watched quantity.
-pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, out: &mut Vec<f64>) {
+pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, out: &mut Vec<(f64, bool)>) {
     if values.iter().any(|v| !v.is_finite()) {
         return;
     }
@@ -552,14 +627,14 @@ pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, o
             }
             if !resolved || count > 64.0 {
                 if forced < if lean { 2 } else { 8 } {
-                    out.push(0.5);
+                    out.push((0.5, true));
                 }
                 return;
             }
             let points = monotone(&c);
             for pair in points.windows(2) {
                 let (p, q) = (pair[0], pair[1]);
-                levels.visit(p.1.min(q.1), p.1.max(q.1), |level| out.push(root(&c, level, p, q)));
+                levels.visit(p.1.min(q.1), p.1.max(q.1), |level| out.push((root(&c, level, p, q), false)));
             }
         }
         Watch::Peak => {
@@ -573,7 +648,7 @@ pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, o
             if peak.1 - seen < 2.0 {
                 return;
             }
-            out.push(peak.0);
+            out.push((peak.0, true));
             beside(&c, &points, peak, |value, drop| value < peak.1 - drop, &[4.0, 30.0], |d| peak.1 - d, out);
         }
         Watch::Pole => {
@@ -589,7 +664,7 @@ pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, o
             if sign * pole.1 <= 0.0 || seen < 3.0 * pole.1.abs() {
                 return;
             }
-            out.push(pole.0);
+            out.push((pole.0, true));
             let beyond = |value: f64, times: f64| sign * value > times * sign * pole.1;
             beside(&c, &points, pole, beyond, &[3.0, 40.0], |d| d * pole.1, out);
         }
@@ -604,13 +679,13 @@ fn beside(
     beyond: impl Fn(f64, f64) -> bool,
     amounts: &[f64],
     level: impl Fn(f64) -> f64,
-    out: &mut Vec<f64>,
+    out: &mut Vec<(f64, bool)>,
 ) {
     for amount in amounts {
         let right = points.iter().find(|p| p.0 > middle.0 && beyond(p.1, *amount));
         let left = points.iter().rev().find(|p| p.0 < middle.0 && beyond(p.1, *amount));
         for side in [left, right].into_iter().flatten() {
-            out.push(root(c, level(*amount), middle, *side));
+            out.push((root(c, level(*amount), middle, *side), true));
         }
     }
 }

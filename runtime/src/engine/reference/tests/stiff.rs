@@ -3,7 +3,7 @@
 use super::super::{Goal, Options, Reference};
 use super::build::*;
 use compiler::ir::eval::NoVoxels;
-use compiler::ir::{Compare, PrimitiveKind, Shape, Table};
+use compiler::ir::{Binary, Compare, Fold, Op, PrimitiveKind, Shape, Table, Unary};
 
 #[test]
 fn varying_and_huge() {
@@ -146,4 +146,142 @@ fn nothing_at_all() {
     let mut b = Build::default();
     b.plain(Shape::Union(vec![]), 1.0, 1.0);
     close(&ahead(&b.scene(0.5)), 0.5, 0.0, 0.0);
+}
+
+/// Fields of every temper over a ball, each with an emission of its own.
+fn tempers() -> Vec<(&'static str, compiler::ir::FieldScene)> {
+    let mut scenes = vec![];
+    let mut with = |name, k: &dyn Fn(&mut Build) -> compiler::ir::NodeId| {
+        let mut b = Build::default();
+        let shape = b.sphere([0.0; 3], 1.0);
+        let k_a = k(&mut b);
+        let source = b.linear(2, 0.5, 1.0);
+        let k_e = b.g.mul(k_a, source);
+        b.medium(shape, k_a, k_e);
+        scenes.push((name, b.scene(0.2)));
+    };
+    with("waves", &|b| {
+        let x = b.linear(2, 25.0, 0.3);
+        let s = b.g.unary(Unary::Sin, x);
+        let one = b.c(1.2);
+        b.g.add(s, one)
+    });
+    with("creases", &|b| {
+        let x = b.linear(2, 9.0, 0.3);
+        let s = b.g.unary(Unary::Sin, x);
+        let a = b.g.unary(Unary::Abs, s);
+        b.times(4.0, a)
+    });
+    with("root", &|b| {
+        let x = b.linear(2, 1.0, 1.0);
+        b.g.unary(Unary::Sqrt, x)
+    });
+    with("steps in a loop", &|b| {
+        let i = b.g.push(Op::LoopVar(0));
+        let z = b.linear(2, 2.0, 5.1);
+        let x = b.g.mul(z, i);
+        let f = b.g.unary(Unary::Floor, x);
+        let rest = b.g.sub(x, f);
+        let sum = b.g.reduce(Fold::Sum, 0, 1..5, rest);
+        b.times(0.5, sum)
+    });
+    with("noise", &|b| {
+        // Value noise along z: random numbers blended by a smooth step.
+        let z = b.linear(2, 7.0, 0.4);
+        let f = b.g.unary(Unary::Floor, z);
+        let t = b.g.sub(z, f);
+        let (two, three) = (b.c(2.0), b.c(3.0));
+        let tt = b.g.mul(t, t);
+        let s = b.g.mul(two, t);
+        let s = b.g.sub(three, s);
+        let s = b.g.mul(tt, s);
+        let zero = b.c(0.0);
+        let random = |b: &mut Build, shift: f64| {
+            let shift = b.c(shift);
+            let x = b.g.add(f, shift);
+            let cell = b.g.compose(&[x, zero, zero]);
+            let hash = b.g.push(Op::CellHash { cell, seed: zero });
+            b.g.extract(hash, 0)
+        };
+        let (a, c) = (random(b, 0.0), random(b, 1.0));
+        let d = b.g.sub(c, a);
+        let d = b.g.mul(d, s);
+        let n = b.g.add(a, d);
+        let half = b.c(0.45);
+        let n = b.g.sub(n, half);
+        let n = b.max(n, zero);
+        b.times(8.0, n)
+    });
+    with("dense", &|b| {
+        let x = b.linear(2, 3.0, 0.3);
+        let e = b.exp(x);
+        b.times(300.0, e)
+    });
+    with("ripples in the distance", &|b| {
+        let r2 = b.square([0.1, 0.05, 0.0]);
+        let r = b.g.unary(Unary::Sqrt, r2);
+        let x = b.times(30.0, r);
+        let s = b.g.unary(Unary::Cos, x);
+        let one = b.c(1.0);
+        let s = b.g.add(s, one);
+        b.g.binary(Binary::Pow, s, one)
+    });
+    scenes
+}
+
+#[test]
+fn errors_hold_at_every_tolerance() {
+    for (name, scene) in tempers() {
+        let reference = Reference::new(&scene, &[], 0.0, &NoVoxels).unwrap();
+        for (origin, direction) in [([0.0, 0.0, -4.0], [0.0, 0.0, 1.0]), ([0.31, 0.2, -4.0], [-0.01, 0.02, 1.0])] {
+            let cast = |o: &Options| reference.trace(origin, direction, o).unwrap();
+            let truth = cast(&Options { rtol: 1e-13, ..Options::default() });
+            for exponent in 2..12 {
+                let rtol = 10f64.powi(-exponent);
+                for goal in [Goal::All, Goal::Radiance] {
+                    let result = cast(&Options { rtol, goal, ..Options::default() });
+                    let (l, wrong) = (truth.radiance[0], (result.radiance[0] - truth.radiance[0]).abs());
+                    assert!(wrong <= result.error[0] + 2e-13 * l, "{name} {rtol:e}: {wrong:e} > {:e}", result.error[0]);
+                    assert!(result.complete && result.error[0] <= 1.01 * rtol * l + 1e-13 * l, "{name} {rtol:e}");
+                    if goal == Goal::All {
+                        let (tau, wrong) = (truth.optical_depth[0], result.optical_depth[0] - truth.optical_depth[0]);
+                        assert!(wrong.abs() <= result.error_tau[0] + 2e-13 * tau, "{name} {rtol:e}: depth {wrong:e}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn bands_of_every_size() {
+    // 0, 1 and 1e30 side by side.
+    let mut b = Build { bands: 3, ..Build::default() };
+    let shape = b.sphere([0.0; 3], 1.0);
+    let z = b.linear(2, 0.5, 1.0);
+    let scale = b.g.vector(&[0.0, 1.0, 1e30]);
+    let k_a = b.g.mul(scale, z);
+    let k_e = b.c(3.0);
+    b.medium(shape, k_a, k_e);
+    let scene = b.scene(0.5);
+    let result = ahead(&scene);
+    assert!((result.radiance[0] - 6.5).abs() < 1e-14);
+    assert_eq!(result.optical_depth[0], 0.0);
+    assert!((result.optical_depth[1] - 2.0).abs() < 1e-14);
+    assert!((result.radiance[2] - 6e-30).abs() < 1e-39, "{:e}", result.radiance[2]);
+    assert_eq!(result.transmittance[2], 0.0);
+}
+
+#[test]
+fn overflow_is_an_error_with_a_place() {
+    for scale in [1e300, 1e308] {
+        let mut b = Build::default();
+        let shape = b.sphere([0.0; 3], 1.0);
+        let x = b.linear(2, scale, scale);
+        b.medium(shape, x, x);
+        let scene = b.scene(0.0);
+        let reference = Reference::new(&scene, &[], 0.0, &NoVoxels).unwrap();
+        let error = reference.trace([0.0, 0.0, -4.0], [0.0, 0.0, 1.0], &Options::default()).unwrap_err();
+        assert_eq!(error.code, "E0651");
+    }
 }
