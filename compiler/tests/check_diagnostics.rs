@@ -119,3 +119,59 @@ fn right_scenes_compile() {
     }
     assert!(bad.is_empty(), "{bad}");
 }
+
+/// Every scene of these tests with each of its words left out, and each doubled: whatever is wrong then, it is reported
+/// and nothing breaks.
+#[test]
+#[expect(clippy::disallowed_methods, reason = "the test reads its inputs; the compiler does not")]
+fn no_scene_breaks_the_checker() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/tests");
+    let folders =
+        [format!("{root}/right"), format!("{root}/contract"), format!("{root}/../../tests/diagnostics/check")];
+    let mut tried = 0;
+    for folder in folders {
+        let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|f| f.unwrap().path()).collect();
+        files.retain(|f| f.extension().is_some_and(|e| e == "vol"));
+        files.sort();
+        for file in files {
+            let text = std::fs::read_to_string(&file).unwrap();
+            for (start, end) in words(&text) {
+                for new in ["", &format!("{0} {0}", &text[start..end]), "0", "p", "#fff", "head", "(1, 2)"] {
+                    let changed = format!("{}{new}{}", &text[..start], &text[end..]);
+                    let (scene, diagnostics, sources) = checked("scene.vol", &changed);
+                    assert_eq!(
+                        scene.is_none(),
+                        diagnostics.has_errors(),
+                        "{changed}\n{}",
+                        render(&diagnostics, &sources)
+                    );
+                    tried += 1;
+                }
+            }
+        }
+    }
+    assert!(tried > 10_000, "{tried}");
+}
+
+/// Where the words, numbers and marks of a text lie.
+fn words(text: &str) -> Vec<(usize, usize)> {
+    let mut found: Vec<(usize, usize)> = vec![];
+    let mut last = None;
+    for (i, c) in text.char_indices() {
+        let end = i + c.len_utf8();
+        let kind = if c.is_whitespace() {
+            0
+        } else if c.is_alphanumeric() || c == '_' || c == '.' {
+            1
+        } else {
+            2
+        };
+        match (kind, last, found.last_mut()) {
+            (1, Some(1), Some(word)) => word.1 = end,
+            (0, ..) => {}
+            _ => found.push((i, end)),
+        }
+        last = Some(kind);
+    }
+    found
+}

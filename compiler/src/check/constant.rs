@@ -2,9 +2,10 @@
 //! meant (a negative coefficient, a camera at its own target) before anything is drawn.
 
 use super::Checker;
-use super::hir::{Builtin, Expr, ExprKind, GridId, LocalId, TableRows, Type};
+use super::hir::{Builtin, ConstId, Expr, ExprKind, FunctionId, GridId, LocalId, TableId, TableRows, Type};
 use crate::ir::Fold;
 use crate::syntax::ast::BinaryOp;
+use rustc_hash::FxHashSet;
 use std::cell::Cell;
 
 /// One number, or up to three: components of a vector, or the R, G and B that make a spectrum.
@@ -63,6 +64,61 @@ impl Numbers {
     }
 }
 
+/// What an expression cannot be evaluated without.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+enum Need {
+    Function(FunctionId),
+    Const(ConstId),
+    Table(TableId),
+}
+
+fn needs(expression: &Expr, out: &mut Vec<Need>) {
+    match &expression.kind {
+        ExprKind::Number(_)
+        | ExprKind::Color(_)
+        | ExprKind::Bool(_)
+        | ExprKind::String(_)
+        | ExprKind::Input(_)
+        | ExprKind::Param(_)
+        | ExprKind::Local(_)
+        | ExprKind::Grid(_) => {}
+        ExprKind::Const(id) => out.push(Need::Const(*id)),
+        ExprKind::Vector(parts) | ExprKind::Builtin(_, parts) => parts.iter().for_each(|p| needs(p, out)),
+        ExprKind::Call(id, parts) => {
+            out.push(Need::Function(*id));
+            parts.iter().for_each(|p| needs(p, out));
+        }
+        ExprKind::Lookup(id, key) => {
+            out.push(Need::Table(*id));
+            needs(key, out);
+        }
+        ExprKind::Negate(a)
+        | ExprKind::Not(a)
+        | ExprKind::Sample(_, a)
+        | ExprKind::Swizzle(a, _)
+        | ExprKind::LayerColor(a)
+        | ExprKind::LayerK(a) => needs(a, out),
+        ExprKind::Binary(_, a, b) => {
+            needs(a, out);
+            needs(b, out);
+        }
+        ExprKind::If(a, b, c) => {
+            needs(a, out);
+            needs(b, out);
+            needs(c, out);
+        }
+        ExprKind::Let(bound, last) => {
+            bound.iter().for_each(|(_, _, value)| needs(value, out));
+            needs(last, out);
+        }
+        ExprKind::Reduce { start, end, body, .. } => {
+            needs(start, out);
+            needs(end, out);
+            needs(body, out);
+        }
+    }
+}
+
 /// More work than any constant is worth.
 const BUDGET: u32 = 20_000;
 
@@ -75,20 +131,60 @@ type Locals = Vec<(LocalId, Known)>;
 
 impl Checker<'_> {
     /// The value of an expression that depends on nothing; `None` for all others.
-    pub(super) fn constant_value(&self, expression: &Expr) -> Option<Known> {
+    pub(super) fn known(&mut self, expression: &Expr) -> Option<Known> {
+        self.make_ready(expression);
         let evaluator = Evaluator { checker: self, budget: Cell::new(BUDGET) };
         evaluator.eval(expression, &mut vec![])
     }
 
-    /// Its value, functions finished first. Only where no function is being checked.
-    pub(super) fn known(&mut self, expression: &Expr) -> Option<Known> {
-        self.finish_functions();
-        self.constant_value(expression)
+    /// Checks the bodies of the functions that an expression calls, and no others: this runs while items are being
+    /// checked, and what has nothing to do with them may name them before they are known.
+    fn make_ready(&mut self, expression: &Expr) {
+        let mut todo = vec![];
+        needs(expression, &mut todo);
+        let mut seen = FxHashSet::default();
+        while let Some(need) = todo.pop() {
+            if !seen.insert(need) {
+                continue;
+            }
+            match need {
+                Need::Function(id) => {
+                    if let Some(place) = self.queue.iter().position(|q| q.id == id) {
+                        let queued = self.queue.remove(place);
+                        self.body(queued);
+                    }
+                    if let Some(Some(function)) = self.functions.get(id.0 as usize) {
+                        needs(&function.body, &mut todo);
+                    }
+                }
+                Need::Const(id) => {
+                    if let Some((_, value)) = self.constants.get(id.0 as usize) {
+                        needs(value, &mut todo);
+                    }
+                }
+                Need::Table(id) => match self.tables.get(id.0 as usize).map(|t| &t.rows) {
+                    Some(TableRows::Values(rows)) => {
+                        for (key, value) in rows {
+                            needs(key, &mut todo);
+                            needs(value, &mut todo);
+                        }
+                    }
+                    Some(TableRows::Layers(rows)) => {
+                        for (key, color, k) in rows {
+                            needs(key, &mut todo);
+                            needs(color, &mut todo);
+                            needs(k, &mut todo);
+                        }
+                    }
+                    None => {}
+                },
+            }
+        }
     }
 
     /// The value of a constant scalar.
-    pub(super) fn constant_scalar(&self, expression: &Expr) -> Option<f64> {
-        match self.constant_value(expression)? {
+    pub(super) fn known_scalar(&mut self, expression: &Expr) -> Option<f64> {
+        match self.known(expression)? {
             Known::Numbers(n) => n.scalar(),
             Known::Color(_) | Known::Bool(_) | Known::Layer(..) => None,
         }

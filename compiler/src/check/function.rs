@@ -119,7 +119,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    fn body(&mut self, queued: Queued) {
+    pub(super) fn body(&mut self, queued: Queued) {
         let (item, bindings) = &queued.key;
         if self.modules.is_cyclic(*item) {
             return;
@@ -178,14 +178,18 @@ impl<'a> Checker<'a> {
     /// What was found in a body that was checked for other bindings than those declared belongs to the call.
     fn report_changed(&mut self, queued: &Queued, signature: &Signature, found: Diagnostics) {
         let (item, bindings) = &queued.key;
-        let Some(first) = found.iter().find(|d| d.severity == Severity::Error) else { return };
-        let only_grids = !bindings.contains(&Binding::Spectral);
-        if only_grids {
-            for diagnostic in found.0 {
-                self.report(diagnostic);
-            }
-            return;
+        let Some(function) = self.declaration(*item) else { return };
+        let body = function.body.span;
+        let inside = |d: &Diagnostic| {
+            d.primary_span().is_some_and(|s| s.source == body.source && body.start <= s.start && s.end <= body.end)
+        };
+        let spectral = bindings.contains(&Binding::Spectral);
+        // Other functions that were checked on the way have mistakes of their own.
+        let (of_body, others): (Vec<_>, Vec<_>) = found.0.into_iter().partition(|d| spectral && inside(d));
+        for diagnostic in others {
+            self.report(diagnostic);
         }
+        let Some(first) = of_body.iter().find(|d| d.severity == Severity::Error) else { return };
         if self.failed_functions.contains(item) {
             return;
         }

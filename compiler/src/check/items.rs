@@ -189,6 +189,9 @@ impl Checker<'_> {
         let modules = self.modules;
         let declared = modules.item(item);
         let ast::ItemKind::Block(block) = &declared.kind else { return None };
+        if modules.is_cyclic(item) {
+            return None;
+        }
         let name = block.name.as_ref().map_or("", |n| n.text.as_str());
         let mut properties = self.properties(block, &["file", "filter", "outside"]);
         let file = properties.take("file");
@@ -237,8 +240,7 @@ impl Checker<'_> {
 
     /// Reports a value that is known and is NaN or infinite; whether it is.
     pub(super) fn refuse_infinite(&mut self, expression: &super::hir::Expr, what: &str) -> bool {
-        // Not through `known`: constants are checked while functions are.
-        let bad = match self.constant_value(expression) {
+        let bad = match self.known(expression) {
             Some(Known::Numbers(n)) => n.all().iter().any(|v| !v.is_finite()),
             Some(Known::Color(c) | Known::Layer(c, _)) => c.iter().any(|v| !v.is_finite()),
             Some(Known::Bool(_)) | None => false,

@@ -44,6 +44,14 @@ pub fn check(modules: &Modules, loader: &dyn Loader, diagnostics: &mut Diagnosti
     checker.finish_asymmetries();
     let scene = checker.assemble(scene);
     let failed = diagnostics.has_errors();
+    if !failed && scene.is_none() {
+        let start = modules.module(ModuleId::SCENE).tree.span;
+        diagnostics.push(
+            Diagnostic::error("E0500", "something in this scene is wrong, and what it is was not reported")
+                .at(Span { end: start.start, ..start }, "this is a fault of the compiler"),
+        );
+        return None;
+    }
     if !failed {
         for warning in modules.unused().iter() {
             diagnostics.push(warning.clone());

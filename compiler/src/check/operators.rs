@@ -246,7 +246,7 @@ impl Checker<'_> {
         }
         let right_span = right.span;
         let right = right.boxed();
-        let Some(value) = self.constant_scalar(&right) else {
+        let Some(value) = self.known_scalar(&right) else {
             let text = self.snippet(left.span);
             self.report(
                 Diagnostic::error("E0311", format!("{} can only be raised to a constant power", left.ty.prose()))

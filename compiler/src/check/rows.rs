@@ -143,7 +143,7 @@ impl Checker<'_> {
     fn ascending(&mut self, name: &str, keys: &[Expr]) -> Option<()> {
         let mut last: Option<(f64, &Expr)> = None;
         for key in keys {
-            let Some(Known::Numbers(n)) = self.constant_value(key) else { continue };
+            let Some(Known::Numbers(n)) = self.known(key) else { continue };
             let value = n.scalar()?;
             if !value.is_finite() {
                 self.infinite(key.span, &format!("a key of `{name}`"));
@@ -197,7 +197,7 @@ impl Checker<'_> {
 
     /// Reports a coefficient that is known to be negative, infinite or no number.
     pub(super) fn not_negative(&mut self, value: &Expr, words: &str) -> bool {
-        let numbers = match self.constant_value(value) {
+        let numbers = match self.known(value) {
             Some(Known::Numbers(n)) => n.all().to_vec(),
             Some(Known::Color(c)) => c.to_vec(),
             Some(Known::Bool(_) | Known::Layer(..)) | None => return true,

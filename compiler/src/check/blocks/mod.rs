@@ -246,7 +246,6 @@ impl Checker<'_> {
             return None;
         }
         let value = value.expr();
-        self.finish_functions();
         (!self.refuse_infinite(&value, &format!("`{name}`"))).then_some(value)
     }
 
@@ -265,14 +264,6 @@ impl Checker<'_> {
     pub(super) fn known_vector(&mut self, value: &hir::Expr) -> Option<[f64; 3]> {
         match self.known(value)? {
             Known::Numbers(n) => Some(n.vector()),
-            Known::Color(_) | Known::Bool(_) | Known::Layer(..) => None,
-        }
-    }
-
-    /// The value of a constant scalar.
-    pub(super) fn known_scalar(&mut self, value: &hir::Expr) -> Option<f64> {
-        match self.known(value)? {
-            Known::Numbers(n) => n.scalar(),
             Known::Color(_) | Known::Bool(_) | Known::Layer(..) => None,
         }
     }
