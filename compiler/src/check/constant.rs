@@ -256,7 +256,7 @@ impl Evaluator<'_> {
                     Fold::Min => f64::INFINITY,
                     Fold::Max => f64::NEG_INFINITY,
                 };
-                if !(end - start <= f64::from(BUDGET)) {
+                if (end - start).is_nan() || end - start > f64::from(BUDGET) {
                     return None;
                 }
                 let mut total = Numbers::one(start_value);

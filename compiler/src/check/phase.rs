@@ -31,8 +31,7 @@ impl Checker<'_> {
         for asymmetry in std::mem::take(&mut self.asymmetries) {
             let Asymmetry { function, parameter, value } = asymmetry;
             let Some(Known::Numbers(numbers)) = self.known(&value) else { continue };
-            // Not `>=`: NaN is out of range too.
-            let Some(bad) = numbers.all().iter().copied().find(|g| !(g.abs() < 1.0)) else { continue };
+            let Some(bad) = numbers.all().iter().copied().find(|g| g.is_nan() || g.abs() >= 1.0) else { continue };
             let problem =
                 Diagnostic::error("E0411", format!("`{parameter}` of `{function}` must lie between -1 and 1"))
                     .at(value.span, format!("this is {bad}"))
