@@ -253,6 +253,46 @@ fn render_tells_people_what_it_did() {
     }
 }
 
+/// Every number that differs from machine to machine as `#`.
+fn without_numbers(text: &str) -> String {
+    let mut out = String::new();
+    for word in text.split_inclusive([' ', '\n', ',']) {
+        let bare = word.trim_end_matches([' ', '\n', ',']);
+        let is_number = bare.parse::<f64>().is_ok();
+        out.push_str(if is_number { "#" } else { bare });
+        out.push_str(&word[bare.len()..]);
+    }
+    out
+}
+
+#[test]
+fn the_report_of_a_drawing() {
+    let run = ball().vol(&["render", "ball.vol", "-o", "ball.png", "--engine", "cpu", "--size", "8x8"]).done();
+    insta::assert_snapshot!(without_numbers(&run.out));
+}
+
+#[test]
+fn the_message_of_a_wrong_set() {
+    let run = ball().vol(&["render", "ball.vol", "-o", "a.png", "--engine", "cpu", "--set", "absorption=3 km"]);
+    insta::assert_snapshot!(run.err);
+    let run = ball().vol(&["render", "ball.vol", "-o", "a.png", "--engine", "cpu", "--set", "absorbtion=3"]);
+    insta::assert_snapshot!(run.err);
+}
+
+#[test]
+fn the_document_of_a_failure() {
+    let place = Place::new().with("bad.vol", "medium thing { k_a = 1 }\n");
+    let run = place.vol(&["render", "bad.vol", "-o", "a.png", "--format", "json"]);
+    assert_eq!((run.code, run.err.as_str()), (1, ""));
+    insta::assert_snapshot!(run.out);
+}
+
+#[test]
+fn the_starter_scene_and_its_message() {
+    let run = Place::new().vol(&["new", "cloud"]).done();
+    insta::assert_snapshot!(run.out);
+}
+
 #[test]
 fn parameters_size_and_frames_of_the_command_line_count() {
     let place = ball();

@@ -12,6 +12,8 @@ mod measure;
 mod params;
 mod samples;
 mod session;
+#[cfg(test)]
+mod tests;
 pub(crate) mod vector;
 
 pub use bounds::{Ball, scene_bounds};

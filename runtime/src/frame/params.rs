@@ -100,7 +100,8 @@ fn value(param: &Param, name: &str, text: &str) -> Result<Vec<f64>, Refusal> {
             ParamType::Float(_) => Ok(vec![number; width]),
         };
     }
-    let scene = format!("param value = {text}\n");
+    // In parentheses, so that nothing but one expression is read; on a line of its own, for the sake of comments.
+    let scene = format!("param value = ({text}\n)\n");
     let compiled = compiler::compile("--set", &scene, &NoFiles, &compiler::Options::default());
     let first = compiled.diagnostics.iter().find(|d| d.severity == Severity::Error);
     // An empty scene may well be refused for what it lacks; what counts is whether there is a value.
