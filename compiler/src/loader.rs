@@ -17,6 +17,15 @@ pub struct GridHeader {
     pub world_from_index: [[f64; 4]; 3],
 }
 
+/// What a file of triangles holds, in metres.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct MeshHeader {
+    /// Number of triangles that have an area.
+    pub triangles: u32,
+    /// Lower and upper corner of the box around them.
+    pub bounds: ([f64; 3], [f64; 3]),
+}
+
 /// How a voxel is stored.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -73,6 +82,15 @@ pub trait Loader {
     /// # Errors
     /// When the file is missing, of an unknown kind, or broken.
     fn grid(&self, from: &str, path: &str) -> Result<GridHeader, LoadError>;
+
+    /// What a file of triangles holds. `from` and `path` as above.
+    ///
+    /// # Errors
+    /// When the file is missing, of an unknown kind, or broken; loaders that know no meshes refuse all.
+    fn mesh(&self, from: &str, path: &str) -> Result<MeshHeader, LoadError> {
+        let _ = from;
+        Err(NoFiles::refuse(path))
+    }
 }
 
 /// A loader for scenes that name no file.

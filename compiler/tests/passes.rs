@@ -95,6 +95,10 @@ fn random_scene(bytes: &[u8]) -> FieldScene {
     let (origin, ahead) = (graph.vector(&[0.0; 3]), graph.vector(&[0.0, 0.0, 1.0]));
     let up = graph.vector(&[0.0, 1.0, 0.0]);
     FieldScene {
+        lights: vec![],
+        surfaces: vec![],
+        meshes: vec![],
+        environment: false,
         graph,
         units: Units::METRE,
         bands: Bands { kind: BandsKind::Rgb, wavelengths: vec![680e-9, 550e-9, 440e-9] },

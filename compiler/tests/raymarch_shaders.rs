@@ -22,6 +22,10 @@ fn builder(bands: u8) -> Builder {
     let (from, to, up) = (graph.vector(&[0.0, 1.0, 5.0]), graph.vector(&[0.0; 3]), graph.vector(&[0.0, 1.0, 0.0]));
     let (fov, zero) = (graph.scalar(0.8), graph.scalar(0.0));
     let scene = FieldScene {
+        lights: vec![],
+        surfaces: vec![],
+        meshes: vec![],
+        environment: false,
         graph,
         units: Units::METRE,
         bands: Bands { kind: BandsKind::List, wavelengths: (0..bands).map(|i| 4e-7 + 1e-7 * f64::from(i)).collect() },

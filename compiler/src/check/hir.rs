@@ -2,7 +2,7 @@
 //! sugar expanded, values in SI. Lowering turns it into a field graph and meets no user error that could be known here.
 
 use crate::ir::{Aa, Backend, BandsKind, Filter, Fold, Param, ParamId, Scattering, Tonemap};
-use crate::loader::GridHeader;
+use crate::loader::{GridHeader, MeshHeader};
 use crate::source::Span;
 
 /// Exponents of length, time, light and pixel in twelfths, so that square and cube roots stay exact.
@@ -427,6 +427,8 @@ pub enum SurfaceShape {
         path: String,
         /// The source that wrote it.
         from: String,
+        /// What the file holds.
+        header: MeshHeader,
     },
 }
 

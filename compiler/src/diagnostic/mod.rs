@@ -60,6 +60,12 @@ impl Diagnostic {
         Self::new(Severity::Error, code, message)
     }
 
+    /// Something worth knowing, with this code.
+    #[must_use]
+    pub fn remark(code: &'static str, message: impl Into<String>) -> Self {
+        Self::new(Severity::Note, code, message)
+    }
+
     /// A warning with this code.
     #[must_use]
     pub fn warning(code: &'static str, message: impl Into<String>) -> Self {

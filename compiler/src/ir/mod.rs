@@ -24,12 +24,14 @@
 pub mod derive;
 pub mod eval;
 mod graph;
+mod light;
 mod print;
 mod scene;
 mod schedule;
 mod verify;
 
 pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId, Tier};
+pub use light::{Light, LightKind, MeshId, MeshInfo, Surface, SurfaceShape};
 pub use print::print;
 pub use scene::{
     Aa, Affine, Backend, Bands, BandsKind, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType,

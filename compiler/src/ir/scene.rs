@@ -1,6 +1,6 @@
 //! A scene whose every field is a node of one graph: what lowering makes, passes rewrite, and engines draw.
 
-use super::{Graph, NodeId, Type};
+use super::{Graph, Light, MeshInfo, NodeId, Surface, Type};
 use crate::source::Span;
 
 /// What one unit of the graph is worth.
@@ -138,7 +138,7 @@ pub struct Medium {
     pub k_s: NodeId,
     /// Emission, light/length, density already multiplied in.
     pub k_e: NodeId,
-    /// Phase function of [`super::Input::CosTheta`], not yet normalised; `None` is isotropic. Spectrum.
+    /// Phase function of [`super::Input::CosTheta`], normalised over the sphere; `None` is isotropic. Spectrum.
     pub phase: Option<NodeId>,
     /// For the projections (`composite`): the data value that is projected (the argument of the transfer function).
     pub data: Option<NodeId>,
@@ -313,8 +313,16 @@ pub struct FieldScene {
     pub params: Vec<Param>,
     /// Everything that absorbs, scatters or emits, fog included.
     pub media: Vec<Medium>,
+    /// Everything that shines on media and surfaces, environments apart.
+    pub lights: Vec<Light>,
+    /// Opaque surfaces.
+    pub surfaces: Vec<Surface>,
+    /// Files of triangles, indexed by [`super::MeshId`].
+    pub meshes: Vec<MeshInfo>,
     /// Radiance behind everything: `image.background`, or the environment as a function of the direction to the sky.
     pub background: NodeId,
+    /// Whether the background is an environment, which shines on media and surfaces as well.
+    pub environment: bool,
     /// Centre and inner radius of each `shell` that some field asks the altitude of.
     pub shells: Vec<(NodeId, NodeId)>,
     /// The camera.
@@ -331,23 +339,32 @@ impl FieldScene {
     pub fn roots(&self) -> Vec<NodeId> {
         let mut roots = vec![];
         // One list of what is a root: walk a copy without its graph.
-        let mut shallow = Self {
-            graph: Graph::default(),
-            units: self.units,
-            bands: self.bands.clone(),
-            params: vec![],
-            media: self.media.clone(),
-            background: self.background,
-            shells: self.shells.clone(),
-            camera: self.camera,
-            image: self.image.clone(),
-            render: self.render.clone(),
-        };
-        shallow.map_roots(&mut |id| {
+        self.with_graph(Graph::default()).map_roots(&mut |id| {
             roots.push(id);
             id
         });
         roots
+    }
+
+    /// The same scene over another graph, whose nodes have the same numbers.
+    #[must_use]
+    pub fn with_graph(&self, graph: Graph) -> Self {
+        Self {
+            graph,
+            units: self.units,
+            bands: self.bands.clone(),
+            params: self.params.clone(),
+            media: self.media.clone(),
+            lights: self.lights.clone(),
+            surfaces: self.surfaces.clone(),
+            meshes: self.meshes.clone(),
+            background: self.background,
+            environment: self.environment,
+            shells: self.shells.clone(),
+            camera: self.camera,
+            image: self.image.clone(),
+            render: self.render.clone(),
+        }
     }
 
     /// Rewrites every node that something outside the graph names.
@@ -360,6 +377,13 @@ impl FieldScene {
             for node in [&mut medium.phase, &mut medium.data, &mut medium.data_color].into_iter().flatten() {
                 *node = map(*node);
             }
+        }
+        for light in &mut self.lights {
+            light.kind.map_nodes(map);
+        }
+        for surface in &mut self.surfaces {
+            surface.shape.map_nodes(map);
+            surface.albedo = map(surface.albedo);
         }
         self.background = map(self.background);
         for (center, inner) in &mut self.shells {

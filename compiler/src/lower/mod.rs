@@ -10,6 +10,8 @@
 //! - `space`: transforms, and the position and direction that a medium's fields see.
 //! - `shape`: regions, their bounding boxes as nodes (`center`, `size` …) and as numbers (framing, scale).
 //! - `scene`: media, background, camera, projections.
+//! - `light`: lights and surfaces.
+//! - `phase`: phase functions and their normalisation.
 //! - `pending`: what is checked but not drawn yet.
 //!
 //! Work is bounded: nodes, visits, nesting and loop iterations are counted, and a scene beyond the limits is an error.
@@ -17,7 +19,9 @@
 mod builtin;
 mod expr;
 mod fold;
+mod light;
 mod pending;
+mod phase;
 mod scene;
 mod shape;
 mod space;

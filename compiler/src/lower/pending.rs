@@ -1,22 +1,14 @@
 //! What is checked but not drawn yet, said plainly and where it stands.
 
-use crate::check::hir::{LightKind, Scene};
+use crate::check::hir::Scene;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Aa, Backend, Scattering};
+use crate::ir::{Aa, Backend};
 use crate::syntax::ast::BlockKind;
 
 /// Warnings for the parts of a scene that the picture leaves out, and errors for backends that do not exist yet.
 #[must_use]
 pub fn pending(scene: &Scene) -> Diagnostics {
     let mut found = Diagnostics::default();
-    scattering(scene, &mut found);
-    for surface in &scene.surfaces {
-        found.push(
-            Diagnostic::warning("W0902", format!("the surface `{}` is not drawn yet", surface.name))
-                .at(surface.span, "the picture is as if it were not there")
-                .note("opaque surfaces are checked, but no engine intersects them so far"),
-        );
-    }
     for item in &scene.pending {
         let (code, what) = match item.kind {
             BlockKind::Text => ("W0903", "text"),
@@ -70,30 +62,4 @@ pub fn pending(scene: &Scene) -> Diagnostics {
 
 fn is(what: &str) -> &'static str {
     if what.ends_with('s') { "are" } else { "is" }
-}
-
-/// In-scattered light needs scattering to be asked for, something that scatters, and light.
-fn scattering(scene: &Scene, found: &mut Diagnostics) {
-    let asked = match scene.render.scattering {
-        Scattering::None => false,
-        Scattering::Single | Scattering::Multiple => true,
-    };
-    let Some(medium) = scene.media.iter().find(|m| m.k_s.is_some()) else { return };
-    if !asked || scene.lights.is_empty() {
-        return;
-    }
-    let light = &scene.lights[0];
-    let kind = match light.kind {
-        LightKind::Directional { .. } | LightKind::Point { .. } => "light",
-        LightKind::Environment { .. } => "environment",
-    };
-    found.push(
-        Diagnostic::warning(
-            "W0901",
-            "in-scattered light is not drawn yet; the picture shows extinction and emission only",
-        )
-        .at(medium.span, "this medium scatters")
-        .because(light.span, format!("this {kind} would be seen in it"))
-        .hint("write `scattering = none` in `render` to say that this is what you want"),
-    );
 }

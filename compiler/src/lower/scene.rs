@@ -1,7 +1,7 @@
 //! The scene around the expressions: media, background, camera, projections.
 
 use super::{Frame, Lowered, Lowerer, Value};
-use crate::check::hir::{self, ExprKind, LightKind, Type};
+use crate::check::hir::{self, ExprKind, Type};
 use crate::diagnostic::Diagnostic;
 use crate::ir::{
     BandsKind, Camera, Composite, FieldScene, ImageInfo, Input, Medium, NodeId, Op, Projection, RenderInfo, Shape,
@@ -37,8 +37,15 @@ impl<'s> Lowerer<'s, '_> {
                 media.push(medium);
             }
         }
-        let background = self.background();
+        let (lights, environment) = self.lights();
+        let (surfaces, meshes) = self.surfaces();
+        let background = match environment {
+            Ok(Some(sky)) => Ok(sky),
+            Ok(None) => self.background(),
+            Err(error) => Err(error),
+        };
         let shapes: Vec<Shape> = media.iter().map(|m| m.shape.clone()).collect();
+        let shapes = self.with_surfaces(shapes, &surfaces, &meshes);
         let camera = self.camera(&shapes);
         let exposure = self.exposure();
         let composite = self.composite(&media);
@@ -58,7 +65,11 @@ impl<'s> Lowerer<'s, '_> {
             bands: self.bands,
             params: scene.params.clone(),
             media,
+            lights,
+            surfaces,
+            meshes,
             background,
+            environment: matches!(environment, Ok(Some(_))),
             shells: self.shells,
             camera,
             image: ImageInfo { size: image.size, aa: image.aa, exposure, tonemap: image.tonemap },
@@ -86,6 +97,9 @@ impl<'s> Lowerer<'s, '_> {
             shapes.extend(self.placed(medium));
             self.leave_space();
         }
+        for surface in &scene.surfaces {
+            shapes.extend(self.surface_extent(surface));
+        }
         if let Some((min, max)) = self.bounds(&shapes) {
             return Some((0..3).map(|i| 0.5 * (max[i] - min[i])).fold(0.0, f64::max));
         }
@@ -96,7 +110,7 @@ impl<'s> Lowerer<'s, '_> {
     }
 
     /// Names of one expression tree are not seen by another.
-    fn fresh(&mut self) {
+    pub(super) fn fresh(&mut self) {
         self.frames = vec![Frame::default()];
     }
 
@@ -140,10 +154,7 @@ impl<'s> Lowerer<'s, '_> {
         let k_e = self.coefficient(medium, "k_e", medium.k_e.as_ref(), density);
         self.fresh();
         let phase = match (&medium.phase, &medium.k_s) {
-            (Some(phase), Some(_)) => self.spectrum(phase).map(|node| {
-                self.name(node, &format!("{}.phase", medium.name));
-                Some(node)
-            }),
+            (Some(phase), Some(_)) => self.phase(medium, phase),
             _ => Ok(None),
         };
         let data = match (&medium.transfer, &self.scene.render.composite) {
@@ -255,24 +266,9 @@ impl<'s> Lowerer<'s, '_> {
         Some(self.color_to_spectrum(*color))
     }
 
-    /// What is behind everything: the environment lights, or the background of the picture.
+    /// What is behind everything where no environment shines.
     fn background(&mut self) -> Lowered<NodeId> {
         let scene = self.scene;
-        let mut sky: Option<NodeId> = None;
-        for light in &scene.lights {
-            let LightKind::Environment { radiance } = &light.kind else { continue };
-            self.fresh();
-            let node = self.spectrum(radiance)?;
-            self.name(node, &format!("{}.environment", light.name));
-            self.limits.push((node, radiance.span, "an environment", Tier::Ray));
-            sky = Some(match sky {
-                None => node,
-                Some(other) => self.graph.add(other, node),
-            });
-        }
-        if let Some(sky) = sky {
-            return Ok(sky);
-        }
         self.fresh();
         match &scene.image.background {
             Some(background) => {

@@ -7,7 +7,7 @@ mod algebra;
 mod fold;
 mod vector;
 
-use crate::ir::{FieldScene, Graph, NodeId, Op, Tier};
+use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op};
 use crate::program::Ledger;
 
 /// A local rule: sees an operation whose operands are already rewritten; gives the node to use instead, or `None`.
@@ -47,7 +47,7 @@ pub fn rebuild(scene: &FieldScene, mut add: impl FnMut(&mut Graph, Op) -> NodeId
             *node = map[node.0 as usize].unwrap_or(NodeId(0));
         }
     }
-    let mut scene = FieldScene { graph, ..shallow(scene) };
+    let mut scene = scene.with_graph(graph);
     scene.map_roots(&mut |id| map[id.0 as usize].expect("roots are live"));
     drop_dead_tables(&mut scene, &live, old);
     scene
@@ -66,21 +66,6 @@ fn drop_dead_tables(scene: &mut FieldScene, live: &[bool], old: &Graph) {
     }
 }
 
-fn shallow(scene: &FieldScene) -> FieldScene {
-    FieldScene {
-        graph: Graph::default(),
-        units: scene.units,
-        bands: scene.bands.clone(),
-        params: scene.params.clone(),
-        media: scene.media.clone(),
-        background: scene.background,
-        shells: scene.shells.clone(),
-        camera: scene.camera,
-        image: scene.image.clone(),
-        render: scene.render.clone(),
-    }
-}
-
 /// Spectra that are the same in all bands become scalars.
 fn narrow_roots(scene: &mut FieldScene) {
     let mut graph = std::mem::take(&mut scene.graph);
@@ -89,7 +74,16 @@ fn narrow_roots(scene: &mut FieldScene) {
         medium.k_a = narrow(medium.k_a);
         medium.k_s = narrow(medium.k_s);
         medium.k_e = narrow(medium.k_e);
+        medium.phase = medium.phase.map(&mut narrow);
         medium.data_color = medium.data_color.map(&mut narrow);
+    }
+    for light in &mut scene.lights {
+        let (LightKind::Directional { irradiance: strength, .. } | LightKind::Point { intensity: strength, .. }) =
+            &mut light.kind;
+        *strength = narrow(*strength);
+    }
+    for surface in &mut scene.surfaces {
+        surface.albedo = narrow(surface.albedo);
     }
     scene.background = narrow(scene.background);
     scene.graph = graph;
@@ -135,10 +129,4 @@ fn note_params(lowered: &FieldScene, scene: &FieldScene, ledger: &mut Ledger) {
 #[must_use]
 pub fn is_zero(graph: &Graph, id: NodeId) -> bool {
     graph.number(id) == Some(0.0)
-}
-
-/// Whether a node can change from frame to frame at most.
-#[must_use]
-pub fn is_uniform(graph: &Graph, id: NodeId) -> bool {
-    graph.tiers()[id.0 as usize] <= Tier::Frame
 }

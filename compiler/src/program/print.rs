@@ -1,7 +1,7 @@
 //! Programs as text: `vol emit --target ir|graph|plan` and the omission ledger.
 
 use super::{Binding, Extent, Ledger, Plan, Program, RaySource, StepRule, UniformSource};
-use crate::ir::{FieldScene, Graph, NodeId, Op, print};
+use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op, print};
 use crate::source::Sources;
 use std::fmt::Write as _;
 
@@ -19,6 +19,30 @@ fn named_roots(scene: &FieldScene) -> Vec<(String, NodeId)> {
         let mut count = 0;
         shape.map_nodes(&mut |node| {
             roots.push((format!("{}.shape.{count}", medium.name), node));
+            count += 1;
+            node
+        });
+    }
+    for light in &scene.lights {
+        let mut named = |part: &str, node: NodeId| roots.push((format!("{}.{part}", light.name), node));
+        match light.kind {
+            LightKind::Directional { direction, irradiance, angular_diameter } => {
+                named("direction", direction);
+                named("irradiance", irradiance);
+                angular_diameter.into_iter().for_each(|n| named("angular_diameter", n));
+            }
+            LightKind::Point { position, intensity, radius } => {
+                named("position", position);
+                named("intensity", intensity);
+                radius.into_iter().for_each(|n| named("radius", n));
+            }
+        }
+    }
+    for surface in &scene.surfaces {
+        roots.push((format!("{}.albedo", surface.name), surface.albedo));
+        let mut count = 0;
+        surface.shape.clone().map_nodes(&mut |node| {
+            roots.push((format!("{}.shape.{count}", surface.name), node));
             count += 1;
             node
         });

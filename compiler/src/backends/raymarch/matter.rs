@@ -75,7 +75,7 @@ fn add(graph: &mut Graph, a: NodeId, b: NodeId) -> NodeId {
 fn no_normal(medium: &crate::ir::Medium) -> Diagnostic {
     let message =
         format!("an isosurface of `{}` needs the gradient of its data, which is a gradient already", medium.name);
-    let diagnostic = Diagnostic::error("E0512", message);
+    let diagnostic = Diagnostic::error("E0522", message);
     match medium.span {
         Some(span) => diagnostic.at(span, "the data of this medium"),
         None => diagnostic,

@@ -127,7 +127,7 @@ fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnosti
         if m.varying && !seen.closed && !bounded_sdf(&m.region, &seen.primitives) {
             diagnostics.push(
                 at(Diagnostic::error(
-                    "E0510",
+                    "E0520",
                     format!("`{}` reaches to infinity, and its integral along a ray has no closed form", m.name),
                 ))
                 .note("uniform and exponential coefficients can be integrated to infinity; other fields cannot")
@@ -137,7 +137,7 @@ fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnosti
         if scene.render.composite == Composite::Radiance && m.extinction.is_none() && m.emission.is_some() {
             diagnostics.push(
                 at(Diagnostic::error(
-                    "E0511",
+                    "E0521",
                     format!("`{}` shines without end and absorbs nothing: its radiance is infinite", m.name),
                 ))
                 .hint("give it a k_a")

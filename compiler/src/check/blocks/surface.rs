@@ -107,7 +107,16 @@ impl Checker<'_> {
         };
         if let ExprKind::String(path) = &file.kind {
             let from = self.modules.module(ModuleId::SCENE).name.clone();
-            return Some(SurfaceShape::Mesh { path: path.clone(), from });
+            let header = match self.loader.mesh(&from, path) {
+                Ok(header) => header,
+                Err(error) => {
+                    let mut problem = Diagnostic::error(error.code, error.message).at(file.span, "named here");
+                    problem.hints.extend(error.hint);
+                    self.report(problem);
+                    return None;
+                }
+            };
+            return Some(SurfaceShape::Mesh { path: path.clone(), from, header });
         }
         let mut scope = self.fixed_scope(ModuleId::SCENE, "surface", "shape");
         let value = self.expression(file, &mut scope);

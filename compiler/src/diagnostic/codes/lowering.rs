@@ -118,6 +118,46 @@ into voxel indices. Correct the orientation in the file.",
 some places, write `max(0 /m, …)`.",
     },
     CodeInfo {
+        code: "E0517",
+        title: "a phase function that scatters nothing, or less than nothing",
+        explanation: "A phase function gives, for each cosine of the scattering angle, the share of light that is turned by it: \
+0 or more everywhere, more than 0 somewhere, and finite when added up over the sphere. Its size does not matter, since it is \
+normalised: 2π ∫₋₁¹ f dμ = 1.\n\n\
+```\nmedium mist { k_s = 1 /m  phase = max(0, cos_theta) }\n```",
+    },
+    CodeInfo {
+        code: "N0518",
+        title: "a phase function was normalised",
+        explanation: "Phase functions are normalised over the sphere, so that scattering neither adds nor loses light. This one \
+was not, and every value is multiplied by the factor shown; where it depends on params, the factor follows them.",
+    },
+    CodeInfo {
+        code: "E0520",
+        title: "a medium without end has no closed form",
+        explanation: "A ray that never leaves a medium is integrated to infinity where that is possible: coefficients that are \
+uniform or exponential along the ray (`exp(-p.y / 8 km)`), and sums of these. Give other fields a shape:\n\n\
+```\nmedium cloud { shape = sphere(center: (0,0,0) m, radius: 10 m)  k_a = fbm(p / 1 m)^2 / m }\n```",
+    },
+    CodeInfo {
+        code: "E0521",
+        title: "light without end",
+        explanation: "A medium that reaches to infinity, shines and absorbs nothing would be infinitely bright. Give it a `k_a`, \
+or a shape.",
+    },
+    CodeInfo {
+        code: "E0522",
+        title: "an isosurface of a gradient",
+        explanation: "`composite = isosurface(value)` shades the surface by the gradient of the data. Where the data is itself \
+made of a gradient, that would be a second derivative, which is not computed. Project with `maximum`, or take the isosurface \
+of the grid itself.",
+    },
+    CodeInfo {
+        code: "E0523",
+        title: "a surface without a boundary",
+        explanation: "A surface is the boundary of its shape, and `everywhere` has none. A floor is a `plane`:\n\n\
+```\nsurface floor { shape = plane(point: (0,0,0) m, normal: (0,1,0)) }\n```",
+    },
+    CodeInfo {
         code: "E0590",
         title: "a number does not fit 32-bit floating point",
         explanation: "\

@@ -145,6 +145,10 @@ impl Build {
             (self.g.vector(&[0.0, 0.0, -4.0]), self.g.vector(&[0.0; 3]), self.g.vector(&[0.0, 1.0, 0.0]));
         let fov = self.c(0.7);
         FieldScene {
+            lights: vec![],
+            surfaces: vec![],
+            meshes: vec![],
+            environment: false,
             graph: self.g,
             units: Units::METRE,
             bands: Bands { kind: BandsKind::Gray, wavelengths: vec![550e-9; self.bands.max(1)] },

@@ -1,0 +1,133 @@
+//! Integrals of phase functions over the sphere: 2π ∫₋₁¹ f(μ) dμ and its first moment.
+//!
+//! [−1, 1] is cut at 1 − |μ| = 2⁻ᵏ, since lobes are narrow near straight on and straight back, and each part is halved until
+//! eight Gauss–Legendre nodes on the whole and on the halves agree.
+
+use super::tape::{Environment, LANES, Tape};
+use super::{NoVoxels, Tables};
+use crate::ir::{Graph, NodeId};
+
+/// Nodes and weights of the eight-point Gauss–Legendre rule on [−1, 1] (Abramowitz and Stegun, table 25.4), the positive half.
+const NODES: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_361_98),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_27),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
+];
+
+/// What a phase function comes to; one number per band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhaseFacts {
+    /// 2π ∫ f dμ: 1 when it is normalised.
+    pub integral: Vec<f64>,
+    /// 2π ∫ μ·f dμ, not divided by the integral.
+    pub moment: Vec<f64>,
+    /// The smallest value that was met, and its cosine.
+    pub least: (f64, f64),
+    /// The largest value that was met.
+    pub most: f64,
+    /// Whether some value was not finite, or the integral did not settle.
+    pub diverges: bool,
+}
+
+/// Most evaluations of eight nodes.
+const MOST: usize = 1 << 15;
+
+struct Integrator<'a> {
+    tape: Tape,
+    environment: Environment<'a>,
+    facts: PhaseFacts,
+    left: usize,
+}
+
+impl Integrator<'_> {
+    /// Integral and first moment over [a, b] by one rule.
+    fn rule(&mut self, a: f64, b: f64, scratch: &mut super::tape::Scratch) -> Vec<[f64; 2]> {
+        let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+        let mut weights = [0.0; LANES];
+        for (i, (x, w)) in NODES.iter().enumerate() {
+            self.environment.cos_theta[2 * i] = middle - half * x;
+            self.environment.cos_theta[2 * i + 1] = middle + half * x;
+            weights[2 * i] = w * half;
+            weights[2 * i + 1] = w * half;
+        }
+        self.left = self.left.saturating_sub(1);
+        self.tape.run(&self.environment, &NoVoxels, scratch);
+        let mut sums = vec![[0.0; 2]; self.tape.width(0)];
+        for (band, sum) in sums.iter_mut().enumerate() {
+            for (lane, value) in self.tape.component(scratch, 0, band).iter().enumerate() {
+                let mu = self.environment.cos_theta[lane];
+                sum[0] += weights[lane] * value;
+                sum[1] += weights[lane] * value * mu;
+                self.facts.diverges |= !value.is_finite();
+                if *value < self.facts.least.0 {
+                    self.facts.least = (*value, mu);
+                }
+                self.facts.most = self.facts.most.max(*value);
+            }
+        }
+        sums
+    }
+}
+
+/// Integrates a phase function of [`crate::ir::Input::CosTheta`], all other inputs as given. The relative error of the
+/// integral is about 1e-11 where the function is smooth, 1e-9 where it jumps.
+#[must_use]
+pub fn phase_facts(graph: &Graph, node: NodeId, environment: &Environment<'_>) -> PhaseFacts {
+    let tape = Tape::new(graph, &[node]);
+    let mut scratch = tape.scratch();
+    let bands = tape.width(0);
+    let facts = PhaseFacts {
+        integral: vec![0.0; bands],
+        moment: vec![0.0; bands],
+        least: (f64::INFINITY, 0.0),
+        most: 0.0,
+        diverges: false,
+    };
+    let mut integrator = Integrator { tape, environment: environment.clone(), facts, left: MOST };
+    let mut cuts: Vec<f64> = (1..=52).map(|k| 1.0 - 2f64.powi(-k)).collect();
+    cuts.extend(cuts.clone().iter().map(|c| -c));
+    cuts.extend([0.0, 1.0, -1.0]);
+    cuts.sort_by(f64::total_cmp);
+    let mut stack: Vec<(f64, f64, Vec<[f64; 2]>)> = vec![];
+    for pair in cuts.windows(2) {
+        let whole = integrator.rule(pair[0], pair[1], &mut scratch);
+        stack.push((pair[0], pair[1], whole));
+    }
+    let size: f64 = stack.iter().flat_map(|s| s.2.iter().map(|b| b[0].abs())).sum();
+    let tolerance = 1e-13 * size;
+    while let Some((a, b, whole)) = stack.pop() {
+        let middle = 0.5 * (a + b);
+        let low = integrator.rule(a, middle, &mut scratch);
+        let high = integrator.rule(middle, b, &mut scratch);
+        let wrong: f64 = (0..bands).map(|i| (low[i][0] + high[i][0] - whole[i][0]).abs()).sum();
+        let settled = wrong <= tolerance || b - a < 1e-14;
+        if settled || integrator.left == 0 || integrator.facts.diverges {
+            integrator.facts.diverges |= !settled && wrong > 1e-6 * size;
+            for i in 0..bands {
+                let scale = 2.0 * std::f64::consts::PI;
+                integrator.facts.integral[i] += scale * (low[i][0] + high[i][0]);
+                integrator.facts.moment[i] += scale * (low[i][1] + high[i][1]);
+            }
+        } else {
+            stack.push((a, middle, low));
+            stack.push((middle, b, high));
+        }
+    }
+    integrator.facts
+}
+
+/// The same at values of parameters, without position: what is known when compiling.
+#[must_use]
+pub fn phase_facts_at(graph: &Graph, node: NodeId, params: &[Vec<f64>], position: [f64; 3]) -> PhaseFacts {
+    let tables = Tables::evaluate(graph, params, 0.0);
+    let environment = Environment {
+        position: position.map(|x| [x; LANES]),
+        direction: [[0.0; LANES], [0.0; LANES], [1.0; LANES]],
+        params,
+        tables: &tables,
+        altitudes: &[[position[1]; LANES]; 16],
+        ..Environment::default()
+    };
+    phase_facts(graph, node, &environment)
+}
