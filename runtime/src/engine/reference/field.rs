@@ -65,6 +65,36 @@ impl Sampler {
     }
 }
 
+impl Sampler {
+    /// With everything watched as if it were curved.
+    fn curved(graph: &Graph, roots: &[NodeId], events: Events) -> Self {
+        let Events { mut straight, mut curved } = events;
+        straight.append(&mut curved);
+        Self::new(graph, roots, &Events { curved: straight, straight: vec![] }, false)
+    }
+}
+
+/// What is behind everything, as a field of the direction, which stands for the position: so its events are found as those
+/// of any field.
+fn sky(graph: &mut Graph, background: NodeId, tables: &Tables) -> Sampler {
+    let (direction, position) = (graph.input(Input::Direction), graph.input(Input::Position));
+    let live = graph.reachable(&[background]);
+    let mut map: Vec<NodeId> = graph.ids().collect();
+    map[direction.0 as usize] = position;
+    let ids: Vec<NodeId> =
+        graph.ids().filter(|id| live.get(id.0 as usize) == Some(&true) && *id != direction).collect();
+    for id in ids {
+        let old = *graph.op(id);
+        let new = Graph::map_operands(&old, |a| map[a.0 as usize]);
+        if new != old {
+            map[id.0 as usize] = graph.push(new);
+        }
+    }
+    let root = map[background.0 as usize];
+    let events = events::find(graph, &[root], tables);
+    Sampler::curved(graph, &[root], events)
+}
+
 impl Field {
     fn new(graph: &mut Graph, roots: &[NodeId], tables: &Tables) -> Self {
         let tiers = graph.tiers();
@@ -119,7 +149,8 @@ pub(super) struct MediumField {
 #[derive(Clone, Debug)]
 pub(super) struct Fields {
     pub(super) media: Vec<MediumField>,
-    pub(super) background: Tape,
+    /// Of the direction in place of the position.
+    pub(super) background: Sampler,
     /// How messages call the background.
     pub(super) sky_name: String,
     pub(super) lights: Vec<LightField>,
@@ -212,11 +243,11 @@ impl Fields {
             (std::array::from_fn(|c| values[0][c.min(values[0].len() - 1)]), values[1][0])
         });
         let shells = shells.collect();
-        let sky = scene.graph.origin(scene.background).name.as_deref().and_then(|n| n.strip_suffix(".environment"));
+        let named = scene.graph.origin(scene.background).name.as_deref().and_then(|n| n.strip_suffix(".environment"));
         let mut all = Self {
             media,
-            background: Tape::new(&scene.graph, &[scene.background]),
-            sky_name: match sky {
+            background: sky(&mut graph, scene.background, &tables),
+            sky_name: match named {
                 Some(name) => format!("the environment of light `{name}`"),
                 None if scene.environment => "the environment".to_owned(),
                 None => "the background".to_owned(),
@@ -247,10 +278,16 @@ impl Fields {
                 && m.phase.as_ref().is_some_and(|tape| {
                     let cosines = [1.0, 0.99, 0.9, 0.5, -0.5, -0.9, -0.99, -1.0];
                     let mut scratch = tape.scratch();
-                    self.run_phase(tape, &mut scratch, voxels, &Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells), &[0.0; N], &cosines);
-                    let most = (0..tape.width(0))
-                        .flat_map(|c| tape.component(&scratch, 0, c))
-                        .fold(0.0f64, |m, v| m.max(*v));
+                    self.run_phase(
+                        tape,
+                        &mut scratch,
+                        voxels,
+                        &Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells),
+                        &[0.0; N],
+                        &cosines,
+                    );
+                    let most =
+                        (0..tape.width(0)).flat_map(|c| tape.component(&scratch, 0, c)).fold(0.0f64, |m, v| m.max(*v));
                     most > 0.35
                 })
         });
@@ -259,11 +296,11 @@ impl Fields {
         }
         let plane = self.surfaces.iter().find_map(|s| match &s.form {
             surface::SurfaceForm::Plane { normal, .. } => Some(*normal),
-            surface::SurfaceForm::Disc { .. } | surface::SurfaceForm::Boundary(_) | surface::SurfaceForm::Mesh(_) => None,
+            surface::SurfaceForm::Disc { .. } | surface::SurfaceForm::Boundary(_) | surface::SurfaceForm::Mesh(_) => {
+                None
+            }
         });
-        let thins = || {
-            self.media.iter().find_map(|m| m.shade.as_ref()?.closed.as_ref()?.slope(self, voxels))
-        };
+        let thins = || self.media.iter().find_map(|m| m.shade.as_ref()?.closed.as_ref()?.slope(self, voxels));
         plane.or_else(thins)
     }
 
@@ -299,27 +336,15 @@ impl Fields {
     }
 
     /// Evaluates what is behind everything in several directions.
-    pub(super) fn run_sky<V: Voxels + ?Sized>(
-        &self,
-        tape: &Tape,
-        scratch: &mut Scratch,
-        voxels: &V,
-        origin: Vec3,
-        directions: &[Vec3; N],
-    ) {
-        let altitude =
-            |(center, radius): &(Vec3, f64)| [AltitudeRay::new(origin, directions[0], *center, *radius).at(0.0); N];
-        let altitudes: Vec<Nodes> = self.shells.iter().map(altitude).collect();
+    pub(super) fn run_sky<V: Voxels + ?Sized>(&self, scratch: &mut Scratch, voxels: &V, directions: &[Vec3; N]) {
         let environment = Environment {
-            position: origin.map(|x| [x; N]),
-            direction: std::array::from_fn(|c| directions.map(|d| d[c])),
-            cos_theta: [0.0; N],
+            position: std::array::from_fn(|c| directions.map(|d| d[c])),
             time: self.time,
-            altitudes: &altitudes,
             params: &self.params,
             tables: &self.tables,
+            ..Environment::default()
         };
-        tape.run(&environment, voxels, scratch);
+        self.background.tape.run(&environment, voxels, scratch);
     }
 
     #[expect(clippy::too_many_arguments, reason = "the one place where everything that a tape may ask for meets")]

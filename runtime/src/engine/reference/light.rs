@@ -2,6 +2,7 @@
 
 use super::field::{Ray, with_span};
 use super::gauss::N;
+use super::split::splits_of;
 use super::trace::{BANDS, PerBand, Worker};
 use crate::frame::vector::{Vec3, dot, is_finite, length, normalize, scale, sub};
 use compiler::diagnostic::Diagnostic;
@@ -146,10 +147,10 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     ///
     /// # Errors
     /// `E0650` or `E0651` where it is negative or not finite.
-    pub(super) fn sky(&mut self, origin: Vec3, directions: &[Vec3; N]) -> Result<[[f64; N]; BANDS], Diagnostic> {
+    pub(super) fn sky(&mut self, directions: &[Vec3; N]) -> Result<[[f64; N]; BANDS], Diagnostic> {
         let fields = self.fields;
-        let tape = &fields.background;
-        fields.run_sky(tape, &mut self.sky, self.voxels, origin, directions);
+        let tape = &fields.background.tape;
+        fields.run_sky(&mut self.sky, self.voxels, directions);
         let mut out = [[0.0; N]; BANDS];
         for (b, slot) in out.iter_mut().enumerate().take(self.bands) {
             *slot = *tape.component(&self.sky, 0, b.min(tape.width(0) - 1));
@@ -163,9 +164,17 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         Ok(out)
     }
 
+    /// Where in the panel of directions that [`Worker::sky`] was last asked for the sky may not be smooth.
+    pub(super) fn sky_splits(&self, divided: u8, out: &mut Vec<(f64, bool)>) {
+        let sampler = &self.fields.background;
+        for (i, watch) in sampler.watches.iter().enumerate() {
+            splits_of(sampler.tape.component(&self.sky, sampler.roots + i, 0), watch, divided, false, out);
+        }
+    }
+
     /// What a ray that meets no surface comes from: the background, and discs of lights before it.
     pub(super) fn background(&mut self, ray: &Ray) -> Result<PerBand, Diagnostic> {
-        let sky = self.sky(ray.origin, &[ray.direction; N])?;
+        let sky = self.sky(&[ray.direction; N])?;
         let mut behind: PerBand = sky.map(|lanes| lanes[0]);
         for light in &self.fields.lights {
             if let Beam::Disc { towards, radiance, angle } = &light.beam {

@@ -13,15 +13,18 @@ use super::light::{Arrival, Beam};
 use super::shade::Depth;
 use super::shape::mix;
 use super::sphere::{OfDirection, Values, changes, over_cap};
-use super::surface::{Hit, Spot};
+use super::surface::{Hit, Spot, SurfaceForm};
 use super::trace::{BANDS, PerBand, Worker};
-use crate::frame::vector::{Vec3, dot, scale};
+use crate::frame::vector::{Vec3, dot, normalize, scale, sub};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 use std::f64::consts::PI;
 
 /// Share of the tolerance of a ray that is left to what arrives at each point of it.
 const INNER: f64 = 0.03;
+
+/// Places on a ray are known to this, relative to how far away they and its origin are.
+pub(super) const PLACES: f64 = 16.0 * f64::EPSILON;
 
 /// What is behind the media of a ray.
 #[derive(Copy, Clone, Debug, Default)]
@@ -52,6 +55,8 @@ struct Gather<'g, 'w, 'r, V: ?Sized> {
     receiver: Receiver<'g>,
     /// Of optical depths.
     tolerance: f64,
+    /// What rounding of the place may do to them.
+    blur: PerBand,
 }
 
 impl<V: Voxels + ?Sized> OfDirection for Gather<'_, '_, '_, V> {
@@ -75,7 +80,7 @@ impl<V: Voxels + ?Sized> OfDirection for Gather<'_, '_, '_, V> {
         }
         let sky = match self.radiance {
             Some(radiance) => radiance.map(|l| [l; N]),
-            None => self.worker.sky(self.place, directions)?,
+            None => self.worker.sky(directions)?,
         };
         for lane in 0..N {
             for b in 0..bands {
@@ -86,7 +91,7 @@ impl<V: Voxels + ?Sized> OfDirection for Gather<'_, '_, '_, V> {
             }
             let depth = self.worker.shadow(self.place, directions[lane], f64::INFINITY, self.tolerance)?;
             for b in 0..bands {
-                let (t, wrong) = depth.map_or((0.0, 0.0), |d| d.transmittance(b));
+                let (t, wrong) = depth.map_or((0.0, 0.0), |d| d.blurred(&self.blur).transmittance(b));
                 all.wrong[b][lane] = all.value[b][lane] * wrong;
                 all.value[b][lane] *= t;
             }
@@ -100,6 +105,31 @@ impl<V: Voxels + ?Sized> OfDirection for Gather<'_, '_, '_, V> {
             Receiver::Media { .. } => true,
         };
         if lit { self.worker.signature(self.place, direction, f64::INFINITY) } else { Ok(0) }
+    }
+
+    fn splits(&mut self, divided: u8, out: &mut Vec<(f64, bool)>) {
+        if self.radiance.is_none() {
+            self.worker.sky_splits(divided, out);
+        }
+    }
+
+    fn cones(&self) -> Vec<(Vec3, f64)> {
+        let mut cones = vec![];
+        if let Receiver::Surface(normal) = &self.receiver {
+            cones.push((*normal, 0.5 * PI));
+        }
+        for surface in &self.worker.fields.surfaces {
+            match &surface.form {
+                SurfaceForm::Plane { normal, .. } => cones.push((*normal, 0.5 * PI)),
+                SurfaceForm::Disc { center, .. } => {
+                    cones.extend(normalize(sub(*center, self.place)).map(|way| (way, 0.0)));
+                }
+                SurfaceForm::Boundary(solid) => solid.cones(self.place, &mut cones),
+                SurfaceForm::Mesh(_) => {}
+            }
+        }
+        self.worker.fields.media.iter().for_each(|m| m.solid.cones(self.place, &mut cones));
+        cones
     }
 }
 
@@ -167,11 +197,11 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         ray: &Ray,
         active: &[usize],
         ts: &Nodes,
-        emission: &mut [Nodes; BANDS],
+        (sigma, emission): (&[Nodes; BANDS], &mut [Nodes; BANDS]),
     ) -> Result<[Nodes; BANDS], Diagnostic> {
         // Lent for the time being, so that the worker stays whole whatever happens.
         let k_s = std::mem::take(&mut self.k_s);
-        let wrong = self.scatter_all(ray, active, &k_s, ts, emission);
+        let wrong = self.scatter_all(ray, (active, &k_s), ts, (sigma, emission));
         self.k_s = k_s;
         wrong
     }
@@ -179,10 +209,9 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     fn scatter_all(
         &mut self,
         ray: &Ray,
-        active: &[usize],
-        k_s: &[[Nodes; BANDS]],
+        (active, k_s): (&[usize], &[[Nodes; BANDS]]),
         ts: &Nodes,
-        emission: &mut [Nodes; BANDS],
+        (sigma, emission): (&[Nodes; BANDS], &mut [Nodes; BANDS]),
     ) -> Result<[Nodes; BANDS], Diagnostic> {
         let (fields, bands) = (self.fields, self.bands);
         let mut wrong = [[0.0; N]; BANDS];
@@ -191,15 +220,16 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         if active.is_empty() {
             return Ok(wrong);
         }
+        let blurs = blurs(ray, ts, sigma);
         for light in &fields.lights {
-            self.scatter_light(ray, (&active, k_s), ts, &light.beam, (&mut *emission, &mut wrong))?;
+            self.scatter_light(ray, (&active, k_s, &blurs), ts, &light.beam, (&mut *emission, &mut wrong))?;
         }
         if fields.environment {
             let axis = fields.axis.unwrap_or(ray.direction);
             for lane in 0..N {
                 let scatterers = scatterers(&active, k_s, lane);
                 let receiver = Receiver::Media { ray, t: ts[lane], scatterers: &scatterers };
-                let found = self.gather(ray.at(ts[lane]), None, receiver, (axis, &[0.0, 1.0, 2.0]))?;
+                let found = self.gather((ray.at(ts[lane]), blurs[lane]), None, receiver, (axis, &[0.0, 1.0, 2.0]))?;
                 for b in 0..bands {
                     emission[b][lane] += found.radiance[b];
                     wrong[b][lane] += found.wrong[b];
@@ -212,7 +242,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     fn scatter_light(
         &mut self,
         ray: &Ray,
-        (active, k_s): (&[usize], &[[Nodes; BANDS]]),
+        (active, k_s, blurs): (&[usize], &[[Nodes; BANDS]], &[PerBand; N]),
         ts: &Nodes,
         beam: &Beam,
         (emission, wrong): (&mut [Nodes; BANDS], &mut [Nodes; BANDS]),
@@ -222,7 +252,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             for lane in 0..N {
                 let scatterers = scatterers(active, k_s, lane);
                 let receiver = Receiver::Media { ray, t: ts[lane], scatterers: &scatterers };
-                let place = ray.at(ts[lane]);
+                let place = (ray.at(ts[lane]), blurs[lane]);
                 let found = self.gather(place, Some(*radiance), receiver, (*towards, &[0.0, depth_of(*angle)]))?;
                 for b in 0..bands {
                     emission[b][lane] += found.radiance[b];
@@ -238,7 +268,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             let none = |m: &usize| (0..bands).all(|b| k_s[*m][b][lane] == 0.0);
             let Some(arrival) = beam.arrival(p).filter(|_| !active.iter().all(none)) else { continue };
             cosines[lane] = dot(arrival.towards, ray.direction).clamp(-1.0, 1.0);
-            let (e, w) = self.arrive(p, &arrival)?;
+            let (e, w) = self.arrive((p, &blurs[lane]), &arrival)?;
             for b in 0..bands {
                 light[b][lane] = e[b];
                 light_wrong[b][lane] = w[b];
@@ -258,13 +288,13 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     }
 
     /// What is left of a light at a point, and how wrong that may be.
-    fn arrive(&mut self, p: Vec3, arrival: &Arrival) -> Result<(PerBand, PerBand), Diagnostic> {
+    fn arrive(&mut self, (p, blur): (Vec3, &PerBand), arrival: &Arrival) -> Result<(PerBand, PerBand), Diagnostic> {
         let tolerance = self.inner;
         let depth = self.shadow(p, arrival.towards, arrival.distance, tolerance)?;
         let (mut light, mut wrong) = ([0.0; BANDS], [0.0; BANDS]);
         if let Some(depth) = depth {
             for b in 0..self.bands {
-                let (t, w) = depth.transmittance(b);
+                let (t, w) = depth.blurred(blur).transmittance(b);
                 light[b] = arrival.irradiance[b] * t;
                 wrong[b] = arrival.irradiance[b] * w;
             }
@@ -275,13 +305,13 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     /// Light from a cap of the sphere (an axis, and cuts of 1 − cosine) on a receiver.
     fn gather(
         &mut self,
-        place: Vec3,
+        (place, blur): (Vec3, PerBand),
         radiance: Option<PerBand>,
         receiver: Receiver<'_>,
         (axis, cuts): (Vec3, &[f64]),
     ) -> Result<Behind, Diagnostic> {
         let (bands, relative) = (self.bands, self.inner);
-        let mut gather = Gather { worker: self, place, radiance, receiver, tolerance: 0.01 * relative };
+        let mut gather = Gather { worker: self, place, radiance, receiver, tolerance: 0.01 * relative, blur };
         let found = over_cap(&mut gather, axis, cuts, bands, relative)?;
         Ok(Behind { radiance: found.value, wrong: found.error, rough: true })
     }
@@ -295,7 +325,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         if (fields.lights.is_empty() && !fields.environment) || albedo.iter().all(|a| *a == 0.0) {
             return Ok(lit);
         }
-        let Spot { place, normal } = self.spot(ray, hit);
+        let Spot { at, place, normal } = self.spot(ray, hit);
         for light in &fields.lights {
             let found = match &light.beam {
                 Beam::Disc { towards, radiance, angle } => {
@@ -303,15 +333,15 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                         continue;
                     }
                     let cap = (*towards, &[0.0, depth_of(*angle)][..]);
-                    self.gather(place, Some(*radiance), Receiver::Surface(normal), cap)?
+                    self.gather((place, [0.0; BANDS]), Some(*radiance), Receiver::Surface(normal), cap)?
                 }
                 Beam::Parallel { .. } | Beam::Lamp { .. } => {
-                    let Some(arrival) = light.beam.arrival(place) else { continue };
+                    let Some(arrival) = light.beam.arrival(at) else { continue };
                     let cosine = dot(arrival.towards, normal);
                     if cosine <= 0.0 {
                         continue;
                     }
-                    let (e, w) = self.arrive(place, &arrival)?;
+                    let (e, w) = self.arrive((place, &[0.0; BANDS]), &arrival)?;
                     let closed = fields.media.iter().all(|m| m.shade.as_ref().is_none_or(|s| s.closed.is_some()));
                     Behind { radiance: e.map(|e| e * cosine), wrong: w.map(|w| w * cosine), rough: !closed }
                 }
@@ -323,7 +353,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             lit.rough |= found.rough;
         }
         if fields.environment {
-            let found = self.gather(place, None, Receiver::Surface(normal), (normal, &[0.0, 1.0]))?;
+            let found = self.gather((place, [0.0; BANDS]), None, Receiver::Surface(normal), (normal, &[0.0, 1.0]))?;
             for b in 0..bands {
                 lit.radiance[b] += found.radiance[b];
                 lit.wrong[b] += found.wrong[b];
@@ -333,7 +363,8 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         for b in 0..bands {
             let share = albedo[b] / PI;
             lit.radiance[b] *= share;
-            lit.wrong[b] = lit.wrong[b] * share + 8.0 * f64::EPSILON * lit.radiance[b];
+            // Shadow rays begin a little off the surface, where media are hardly different.
+            lit.wrong[b] = lit.wrong[b] * share + 2e-12 * lit.radiance[b];
         }
         Ok(lit)
     }
@@ -356,6 +387,15 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
 
 fn scatterers(active: &[usize], k_s: &[[Nodes; BANDS]], lane: usize) -> Scatterers {
     active.iter().map(|m| (*m, std::array::from_fn(|b| k_s[*m][b][lane]))).collect()
+}
+
+/// Optical depths by which rounding of each place on a ray may move it.
+fn blurs(ray: &Ray, ts: &Nodes, sigma: &[Nodes; BANDS]) -> [PerBand; N] {
+    let far = ray.origin.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    std::array::from_fn(|lane| {
+        let rounding = PLACES * (far + ts[lane]);
+        std::array::from_fn(|b| sigma[b][lane] * rounding)
+    })
 }
 
 /// 1 − cosine of an angle.

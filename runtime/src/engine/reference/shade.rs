@@ -44,8 +44,16 @@ impl Depth {
 
     /// e^(−τ), and by how much it may be wrong.
     pub(super) fn transmittance(&self, band: usize) -> (f64, f64) {
-        let t = (-self.tau[band]).exp();
-        (t, if t > 0.0 { t * self.error[band].exp_m1() } else { 0.0 })
+        let (tau, error) = (self.tau[band], self.error[band]);
+        let t = (-tau).exp();
+        // What rounding makes of a place inside something dense may be more than the whole depth.
+        (t, if error < 0.5 { t * error.exp_m1() } else { (-(tau - error).max(0.0)).exp() - t })
+    }
+
+    /// The same, with the place from which it is measured uncertain by depths of `blur`.
+    pub(super) fn blurred(mut self, blur: &PerBand) -> Self {
+        (0..BANDS).for_each(|b| self.error[b] += blur[b]);
+        self
     }
 }
 
@@ -73,15 +81,27 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let mut total = Depth::default();
         for (m, medium) in fields.media.iter().enumerate() {
             let Some(shade) = &medium.shade else { continue };
-            let inside = self.intervals(&medium.solid, ("medium", &medium.name, medium.span), ray)?;
-            for (a, b) in inside.0 {
+            let (one, list);
+            let inside: &[(f64, f64)] = match medium.solid.span(ray.origin, ray.direction) {
+                Some(None) => &[],
+                Some(Some(span)) => {
+                    one = [span];
+                    &one
+                }
+                None => {
+                    list = self.intervals(&medium.solid, ("medium", &medium.name, medium.span), ray)?;
+                    &list.0
+                }
+            };
+            for &(a, b) in inside {
                 let b = b.min(reach);
                 if a >= b {
                     break;
                 }
-                let closed = shade.closed.as_ref().and_then(|c| {
-                    c.depth(fields, self.voxels, self.closed[m].as_mut(), ray, (a, b), self.bands)
-                });
+                let closed = shade
+                    .closed
+                    .as_ref()
+                    .and_then(|c| c.depth(fields, self.voxels, self.closed[m].as_mut(), ray, (a, b), self.bands));
                 let part = match closed {
                     Some(tau) => {
                         self.evaluations += 1;
@@ -202,7 +222,8 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             let cuts = thin(cuts, false);
             for pair in cuts.windows(2) {
                 let (a, b) = (pair[0], pair[1]);
-                let parts = if cuts.len() > least { 1.0 } else { (least as f64 * (b - a) / (end - start)).ceil().max(1.0) };
+                let parts =
+                    if cuts.len() > least { 1.0 } else { (least as f64 * (b - a) / (end - start)).ceil().max(1.0) };
                 let h = (b - a) / parts;
                 for i in 0..parts as usize {
                     if !self.pieces(ray, m, sampler, (a + h * i as f64, h, 0), &mut pieces)? {

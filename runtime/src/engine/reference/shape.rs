@@ -136,6 +136,73 @@ impl Solid {
         hash
     }
 
+    /// The one stretch of the ray that is inside, where that is all there can be and no list is needed: outer `None` asks for
+    /// [`Solid::intervals`].
+    pub(super) fn span(&self, o: Vec3, d: Vec3) -> Option<Option<(f64, f64)>> {
+        match self {
+            Self::Everywhere => Some(Some((0.0, f64::INFINITY))),
+            Self::Part { from_world: None, form } => match form {
+                Form::Ball { .. }
+                | Form::Ellipsoid { .. }
+                | Form::Box { .. }
+                | Form::Slab { .. }
+                | Form::Cylinder { .. } => Some(form.span(o, d)),
+                Form::Shell { .. } | Form::Sdf { .. } => None,
+            },
+            Self::Part { .. } | Self::Union(_) | Self::Intersection(_) | Self::Difference(..) => None,
+        }
+    }
+
+    /// Cones of directions from `p` (a unit vector and an angle about it) at whose rims what a ray meets changes: rims of balls,
+    /// and corners as cones without width. Only hints: what is hard to see is left out.
+    pub(super) fn cones(&self, p: Vec3, out: &mut Vec<(Vec3, f64)>) {
+        // Positions in a part's own space, and back.
+        self.leaves(p, [0.0; 3], &mut |form, rows, own, _| {
+            let to_world = |v: Vec3| match rows {
+                None => Some(v),
+                Some(rows) => solve_three(rows, v),
+            };
+            let mut towards = |q: Vec3, radius: f64| {
+                let Some(way) = to_world(sub(q, own)) else { return };
+                let stretch = to_world([1.0, 0.0, 0.0]).map_or(1.0, length);
+                let (far, radius) = (length(way), radius * stretch);
+                if let Some(way) = crate::frame::vector::normalize(way)
+                    && far > radius
+                {
+                    out.push((way, (radius / far).asin()));
+                }
+            };
+            match *form {
+                Form::Ball { center, radius } => towards(center, radius),
+                Form::Shell { center, inner, outer } => {
+                    towards(center, outer);
+                    if inner > 0.0 {
+                        towards(center, inner);
+                    }
+                }
+                Form::Ellipsoid { center, .. } => towards(center, 0.0),
+                Form::Box { min, max } => {
+                    for i in 0..8 {
+                        towards(std::array::from_fn(|c| if i >> c & 1 == 0 { min[c] } else { max[c] }), 0.0);
+                    }
+                }
+                Form::Cylinder { from, to, .. } => {
+                    towards(from, 0.0);
+                    towards(to, 0.0);
+                }
+                Form::Slab { axis, .. } => {
+                    // Directions within the slab are those across its axis, whatever the transform.
+                    let across = match rows {
+                        None => axis,
+                        Some(rows) => std::array::from_fn(|c| (0..3).map(|i| rows[i][c] * axis[i]).sum()),
+                    };
+                    out.extend(crate::frame::vector::normalize(across).map(|a| (a, std::f64::consts::FRAC_PI_2)));
+                }
+                Form::Sdf { .. } => {}
+            }
+        });
+    }
+
     /// Normal of the boundary that the ray meets at `t`, of either sign. `sdf` gives the value and gradient of a field there.
     pub(super) fn normal(
         &self,
@@ -159,7 +226,8 @@ impl Solid {
                     let p = std::array::from_fn(|i| d[i].mul_add(t, o[i]));
                     let Some((_, own)) = form.face(p) else { return };
                     let ends = form.intervals(o, d).0;
-                    let off = ends.iter().flat_map(|(a, b)| [(a - t).abs(), (b - t).abs()]).fold(f64::INFINITY, f64::min);
+                    let off =
+                        ends.iter().flat_map(|(a, b)| [(a - t).abs(), (b - t).abs()]).fold(f64::INFINITY, f64::min);
                     let world = match rows {
                         None => own,
                         Some(rows) => std::array::from_fn(|c| (0..3).map(|i| rows[i][c] * own[i]).sum()),
@@ -229,6 +297,14 @@ impl Solid {
     }
 }
 
+/// The vector that a matrix of these rows takes to `v`.
+fn solve_three(rows: &[Vec3; 3], v: Vec3) -> Option<Vec3> {
+    let [a, b, c] = rows;
+    let volume = dot(*a, cross(*b, *c));
+    let (x, y, z) = (cross(*b, *c), cross(*c, *a), cross(*a, *b));
+    (volume != 0.0).then(|| std::array::from_fn(|i| (v[0] * x[i] + v[1] * y[i] + v[2] * z[i]) / volume))
+}
+
 const SIGNATURE: u64 = 0xcbf2_9ce4_8422_2325;
 
 /// Mixes a number into another (FNV).
@@ -296,30 +372,42 @@ impl Form {
 
     /// Any direction, also of other than unit length.
     fn intervals(&self, o: Vec3, d: Vec3) -> Intervals {
+        match *self {
+            Self::Shell { center, inner, outer } => {
+                let of = |radius: f64| Intervals(Self::Ball { center, radius }.span(o, d).into_iter().collect());
+                let hole = if inner > 0.0 { of(inner) } else { Intervals::empty() };
+                of(outer).intersection(&hole.complement())
+            }
+            Self::Ball { .. }
+            | Self::Ellipsoid { .. }
+            | Self::Box { .. }
+            | Self::Slab { .. }
+            | Self::Cylinder { .. }
+            | Self::Sdf { .. } => Intervals(self.span(o, d).into_iter().collect()),
+        }
+    }
+
+    /// The one stretch of a convex form, if there is any.
+    fn span(&self, o: Vec3, d: Vec3) -> Option<(f64, f64)> {
         let speed = length(d);
         if !(speed > 0.0 && speed.is_finite()) {
             // The transform sends the whole ray to one point, which no solid of interest has: nothing to integrate.
-            return Intervals::empty();
+            return None;
         }
-        let unit = scale(d, 1.0 / speed);
-        let scaled = |i: Intervals| Intervals(i.0.into_iter().map(|(a, b)| (a / speed, b / speed)).collect());
         match *self {
-            Self::Ball { center, radius } => scaled(ball(sub(o, center), low(o, center), unit, radius)),
-            Self::Shell { center, inner, outer } => {
-                let (m, l) = (sub(o, center), low(o, center));
-                let hole = if inner > 0.0 { ball(m, l, unit, inner) } else { Intervals::empty() };
-                scaled(ball(m, l, unit, outer).intersection(&hole.complement()))
+            Self::Ball { center, radius } => {
+                slowed(ball(sub(o, center), low(o, center), scale(d, 1.0 / speed), radius), speed)
             }
             Self::Ellipsoid { center, radii } => {
                 if radii.iter().any(|r| *r <= 0.0) {
-                    return Intervals::empty();
+                    return None;
                 }
+                let unit = scale(d, 1.0 / speed);
                 let m = sub(o, center);
                 let (m, d): (Vec3, Vec3) =
-                    (std::array::from_fn(|i| m[i] / radii[i]), std::array::from_fn(|i| d[i] / radii[i]));
-                let speed = length(d);
-                let i = ball(m, [0.0; 3], scale(d, 1.0 / speed), 1.0);
-                Intervals(i.0.into_iter().map(|(a, b)| (a / speed, b / speed)).collect())
+                    (std::array::from_fn(|i| m[i] / radii[i]), std::array::from_fn(|i| unit[i] / radii[i]));
+                let stretched = length(d);
+                slowed(slowed(ball(m, [0.0; 3], scale(d, 1.0 / stretched), 1.0), stretched), speed)
             }
             Self::Box { min, max } => {
                 let (mut start, mut end) = (0.0f64, f64::INFINITY);
@@ -327,34 +415,43 @@ impl Form {
                     let (a, b) = between(o[i], d[i], min[i], max[i]);
                     (start, end) = (start.max(a), end.min(b));
                 }
-                Intervals::of(start, end)
+                clip(start, end)
             }
             Self::Slab { axis, from, to } => {
                 let (a, b) = between(dot(axis, o), dot(axis, d), from, to);
-                Intervals::of(a, b)
+                clip(a, b)
             }
             Self::Cylinder { from, to, radius } => {
                 let axis = sub(to, from);
                 let height = length(axis);
                 if height == 0.0 {
-                    return Intervals::empty();
+                    return None;
                 }
                 let axis = scale(axis, 1.0 / height);
                 let m = sub(o, from);
                 let (a, b) = between(dot(m, axis), dot(d, axis), 0.0, height);
-                let caps = Intervals::of(a, b);
                 // Parts perpendicular to the axis by cross products: no cancellation for nearly parallel rays.
                 let (m2, d2) = (cross(axis, cross(m, axis)), cross(axis, cross(d, axis)));
                 let speed = length(d2);
                 if speed <= 1e-300 {
-                    return if length(m2) <= radius { caps } else { Intervals::empty() };
+                    return if length(m2) <= radius { clip(a, b) } else { None };
                 }
-                let side = ball(m2, [0.0; 3], scale(d2, 1.0 / speed), radius);
-                caps.intersection(&Intervals(side.0.into_iter().map(|(a, b)| (a / speed, b / speed)).collect()))
+                let (from, to) = slowed(ball(m2, [0.0; 3], scale(d2, 1.0 / speed), radius), speed)?;
+                clip(a.max(from), b.min(to))
             }
-            Self::Sdf { .. } => Intervals::empty(),
+            Self::Shell { .. } | Self::Sdf { .. } => None,
         }
     }
+}
+
+/// The part of a stretch that lies on the ray, if there is any.
+fn clip(start: f64, end: f64) -> Option<(f64, f64)> {
+    let start = if start.is_nan() { return None } else { start.max(0.0) };
+    (start < end).then_some((start, end))
+}
+
+fn slowed(span: Option<(f64, f64)>, speed: f64) -> Option<(f64, f64)> {
+    span.map(|(a, b)| (a / speed, b / speed))
 }
 
 /// Parameters between which `from ≤ x + t·v ≤ to`; reversed if there are none.
@@ -399,9 +496,9 @@ pub(super) fn power(m: Vec3, low: Vec3, r: f64) -> f64 {
 }
 
 /// A ball around the origin and a ray from `m + low` along the unit vector `d`.
-fn ball(m: Vec3, low: Vec3, d: Vec3, r: f64) -> Intervals {
+fn ball(m: Vec3, low: Vec3, d: Vec3, r: f64) -> Option<(f64, f64)> {
     if !(r > 0.0 && r.is_finite()) {
-        return Intervals::empty();
+        return None;
     }
     let b = dot(m, d);
     let c = power(m, low, r);
@@ -413,11 +510,11 @@ fn ball(m: Vec3, low: Vec3, d: Vec3, r: f64) -> Intervals {
         (r - q) * (r + q)
     };
     if disc.is_nan() || disc <= 0.0 {
-        return Intervals::empty();
+        return None;
     }
     let s = disc.sqrt();
     // The root without cancellation first, the other by Vieta.
-    if b >= 0.0 { Intervals::of(-b - s, -c / (b + s)) } else { Intervals::of(c / (s - b), s - b) }
+    if b >= 0.0 { clip(-b - s, -c / (b + s)) } else { clip(c / (s - b), s - b) }
 }
 
 /// Altitude over a sphere of radius `r` along a ray, without cancellation (numerics: planet scale).

@@ -6,8 +6,9 @@
 
 use super::gauss::{Decay, N, Nodes, RULE};
 use super::shape::mix;
+use super::split::sort_splits;
 use super::trace::{BANDS, PerBand};
-use crate::frame::vector::{Vec3, cross, normalize};
+use crate::frame::vector::{Vec3, cross, dot, normalize};
 use compiler::diagnostic::Diagnostic;
 use std::f64::consts::PI;
 
@@ -29,6 +30,8 @@ pub(super) trait Integrand {
     fn values(&mut self, xs: &Nodes) -> Result<Values, Diagnostic>;
     /// Stays the same where the function is smooth; may always.
     fn signature(&mut self, x: f64) -> Result<u64, Diagnostic>;
+    /// Where in the panel whose values were just asked for (0..1) it may not be smooth, besides.
+    fn splits(&mut self, _divided: u8, _out: &mut Vec<(f64, bool)>) {}
 }
 
 /// An integral and its error.
@@ -157,12 +160,7 @@ pub(super) fn changes(
     Ok(cuts)
 }
 
-fn build(
-    f: &mut dyn Integrand,
-    first: (f64, f64, u8),
-    bands: usize,
-    out: &mut Vec<Piece>,
-) -> Result<(), Diagnostic> {
+fn build(f: &mut dyn Integrand, first: (f64, f64, u8), bands: usize, out: &mut Vec<Piece>) -> Result<(), Diagnostic> {
     let mut stack = vec![(first, 0)];
     while let Some(((a, h, depth), cut)) = stack.pop() {
         if cut < 6 && depth < DEEP {
@@ -177,6 +175,19 @@ fn build(
             }
         }
         let values = f.values(&RULE.x.map(|x| a + h * x))?;
+        if cut < 6 && depth < DEEP {
+            let mut cuts = vec![];
+            f.splits(cut, &mut cuts);
+            sort_splits(&mut cuts);
+            if !cuts.is_empty() {
+                let mut end = 1.0;
+                for x in cuts.iter().rev().map(|x| x.0).chain([0.0]) {
+                    stack.push(((a + h * x, h * (end - x), depth + 1), cut + 1));
+                    end = x;
+                }
+                continue;
+            }
+        }
         let mut piece = Piece { a, h, depth, value: [0.0; BANDS], error: [0.0; BANDS], inner: [0.0; BANDS] };
         for b in 0..bands {
             let v = &values.value[b];
@@ -194,6 +205,10 @@ fn build(
 pub(super) trait OfDirection {
     fn values(&mut self, directions: &[Vec3; N]) -> Result<Values, Diagnostic>;
     fn signature(&mut self, direction: Vec3) -> Result<u64, Diagnostic>;
+    /// As [`Integrand::splits`], of the panel of directions last asked for.
+    fn splits(&mut self, divided: u8, out: &mut Vec<(f64, bool)>);
+    /// Cones (a unit vector and an angle about it) at whose rims it is not smooth, as far as they are known.
+    fn cones(&self) -> Vec<(Vec3, f64)>;
 }
 
 /// Two unit vectors that complete one to a right-handed frame (after Duff et al. 2017).
@@ -225,11 +240,17 @@ impl Integrand for Ring<'_> {
     fn signature(&mut self, phi: f64) -> Result<u64, Diagnostic> {
         self.of.signature(direction(self.frame, self.u, phi))
     }
+
+    fn splits(&mut self, divided: u8, out: &mut Vec<(f64, bool)>) {
+        self.of.splits(divided, out);
+    }
 }
 
 struct Cap<'a> {
     of: &'a mut dyn OfDirection,
     frame: [Vec3; 3],
+    /// Cuts of φ.
+    turn: Vec<f64>,
     bands: usize,
     tolerance: Tolerance,
 }
@@ -240,7 +261,7 @@ const TURN: [f64; 4] = [0.0, 2.0 / 3.0 * PI, 4.0 / 3.0 * PI, 2.0 * PI];
 impl Cap<'_> {
     fn ring(&mut self, u: f64) -> Result<Integral, Diagnostic> {
         let mut ring = Ring { of: &mut *self.of, frame: &self.frame, u };
-        integrate(&mut ring, &TURN, self.bands, &self.tolerance)
+        integrate(&mut ring, &self.turn, self.bands, &self.tolerance)
     }
 }
 
@@ -267,6 +288,36 @@ impl Integrand for Cap<'_> {
     }
 }
 
+/// Cuts of φ and of u where rings about an axis touch the rims of cones: there a thin sliver of a cone begins that no node
+/// would see.
+fn touches([x, y, z]: &[Vec3; 3], cones: &[(Vec3, f64)], cuts: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    /// More cones than these cost more than they show.
+    const MOST: usize = 12;
+    let (mut turn, mut us) = (TURN.to_vec(), cuts.to_vec());
+    let (low, high) = (cuts[0], cuts[cuts.len() - 1]);
+    for (direction, angle) in cones.iter().take(MOST) {
+        let sine = dot(*direction, *x).hypot(dot(*direction, *y));
+        let theta = sine.atan2(dot(*direction, *z));
+        let azimuth = dot(*direction, *y).atan2(dot(*direction, *x));
+        let (near, far) = (theta - angle, theta + angle);
+        for (rim, opposite) in [(near, near < 0.0), (far, far > PI)] {
+            let rim = if rim > PI { 2.0 * PI - rim } else { rim.abs() };
+            let u = 2.0 * (0.5 * rim).sin().powi(2);
+            if u > low && u < high {
+                us.push(u);
+                if sine > 1e-9 {
+                    turn.push((azimuth + if opposite { PI } else { 0.0 }).rem_euclid(2.0 * PI));
+                }
+            }
+        }
+    }
+    for list in [&mut turn, &mut us] {
+        list.sort_by(f64::total_cmp);
+        list.dedup_by(|b, a| *b - *a <= 1e-13 * b.abs());
+    }
+    (turn, us)
+}
+
 /// ∫ over the directions whose u = 1 − cosine to `axis` lies between the first and the last of `cuts`.
 ///
 /// # Errors
@@ -278,8 +329,9 @@ pub(super) fn over_cap(
     bands: usize,
     relative: f64,
 ) -> Result<Integral, Diagnostic> {
+    let (turn, cuts) = touches(&frame(axis), &of.cones(), cuts);
     let loose = Tolerance { relative: 1e-2, absolute: [0.0; BANDS] };
-    let mut cap = Cap { of, frame: frame(axis), bands, tolerance: loose };
+    let mut cap = Cap { of, frame: frame(axis), turn, bands, tolerance: loose };
     // A crude mean first, so that rings that hardly matter are not followed to their last digit.
     let (low, high) = (cuts[0], cuts[cuts.len() - 1]);
     let mut mean = [0.0; BANDS];
@@ -289,7 +341,7 @@ pub(super) fn over_cap(
     }
     cap.tolerance = Tolerance { relative: 0.1 * relative, absolute: mean.map(|m| 0.1 * relative * m) };
     let total = Tolerance { relative, absolute: [0.0; BANDS] };
-    integrate(&mut cap, cuts, bands, &total)
+    integrate(&mut cap, &cuts, bands, &total)
 }
 
 #[cfg(test)]
@@ -297,7 +349,8 @@ mod tests {
     use super::*;
     use crate::frame::vector::dot;
 
-    struct Of<F>(F);
+    /// A function with the half-spaces at whose rims it has kinks.
+    struct Of<F>(F, Vec<(Vec3, f64)>);
 
     impl<F: Fn(Vec3) -> f64> OfDirection for Of<F> {
         fn values(&mut self, directions: &[Vec3; N]) -> Result<Values, Diagnostic> {
@@ -306,8 +359,14 @@ mod tests {
             Ok(all)
         }
 
-        fn signature(&mut self, _direction: Vec3) -> Result<u64, Diagnostic> {
-            Ok(0)
+        fn signature(&mut self, direction: Vec3) -> Result<u64, Diagnostic> {
+            Ok(self.1.iter().map(|c| u64::from(dot(c.0, direction) > 0.0)).sum())
+        }
+
+        fn splits(&mut self, _divided: u8, _out: &mut Vec<(f64, bool)>) {}
+
+        fn cones(&self) -> Vec<(Vec3, f64)> {
+            self.1.clone()
         }
     }
 
@@ -316,7 +375,7 @@ mod tests {
         let axis = normalize([0.3, -0.5, 0.8]).unwrap();
         let up = [0.0, 1.0, 0.0];
         let sphere = |f: &dyn Fn(Vec3) -> f64, cuts: &[f64]| {
-            over_cap(&mut Of(f), axis, cuts, 1, 1e-9).unwrap()
+            over_cap(&mut Of(f, vec![(up, 0.5 * PI)]), axis, cuts, 1, 1e-9).unwrap()
         };
         let whole = [0.0, 1.0, 2.0];
         let cases: [(&dyn Fn(Vec3) -> f64, f64); 4] = [

@@ -147,6 +147,7 @@ pub(super) struct Hit {
 /// A point of a surface, seen from one side.
 #[derive(Copy, Clone, Debug)]
 pub(super) struct Spot {
+    pub(super) at: Vec3,
     /// Moved off the surface by a little more than positions are rounded, to the side from which it is seen.
     pub(super) place: Vec3,
     /// Unit normal on that side.
@@ -222,7 +223,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let normal = if dot(normal, ray.direction) > 0.0 { scale(normal, -1.0) } else { normal };
         let at = ray.at(hit.t);
         let size = at.iter().chain(&ray.origin).fold(hit.t, |m, x| m.max(x.abs()));
-        Spot { place: along(at, normal, 1e-12 * size), normal }
+        Spot { at, place: along(at, normal, 1e-12 * size), normal }
     }
 
     /// Value and gradient of the field of an `sdf`.

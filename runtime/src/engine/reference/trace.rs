@@ -5,7 +5,7 @@ use super::field::{Fields, Ray, bad_field};
 use super::gauss::{N, Nodes, RULE};
 use super::interval::Intervals;
 use super::panel::{Slice, solve_noisy};
-use super::scatter::Behind;
+use super::scatter::{Behind, PLACES};
 use super::shape::{Solid, negative};
 use super::split::{sort_splits, splits_of, thin};
 use super::surface::Meshes;
@@ -56,6 +56,8 @@ pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) sky: Scratch,
     /// k_s of each medium at the nodes that were sampled last, if media scatter.
     pub(super) k_s: Vec<[Nodes; BANDS]>,
+    /// Where the ray is cut besides: lights' places, and the depths of the scattering segment at hand.
+    marks: Vec<f64>,
     /// Tolerance of what arrives at a point: relative, of an optical depth absolute.
     pub(super) inner: f64,
     /// Rough tolerances: cheaper tapes.
@@ -90,8 +92,9 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             shade: [false, true].map(|lean| shades().map(|s| s.field.sampler(lean).tape.scratch()).collect()),
             closed: shades().map(|s| s.closed.as_ref()?.scratch()).collect(),
             phases: media.iter().map(|m| Some(m.phase.as_ref()?.scratch())).collect(),
-            sky: fields.background.scratch(),
+            sky: fields.background.tape.scratch(),
             k_s: vec![[[0.0; N]; BANDS]; media.len()],
+            marks: vec![],
             inner: 0.0,
             lean: false,
             rough: false,
@@ -236,7 +239,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     continue;
                 }
             }
-            let wrong = if *scatters { Some(self.scatter(ray, active, &ts, &mut emission)?) } else { None };
+            let wrong = if *scatters { Some(self.scatter(ray, active, &ts, (&sigma, &mut emission))?) } else { None };
             let (mut slices, mut inner) = ([Slice::default(); BANDS], [0.0; BANDS]);
             for band in 0..self.bands {
                 // Neutral media: bands are often equal.
@@ -266,6 +269,30 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         Ok(())
     }
 
+    /// Where a scattering segment is cut besides: where lights are nearest, and at a few depths from where it begins, since
+    /// of something dense only a skin may be lit and seen that no node would meet.
+    fn mark(&mut self, ray: &Ray, segment: &Segment) -> Result<(), Diagnostic> {
+        self.marks.clear();
+        if !segment.scatters {
+            return Ok(());
+        }
+        let fields = self.fields;
+        fields.lights.iter().for_each(|l| l.beam.cuts(ray, &mut self.marks));
+        // A little inside, should a field be infinite at the very edge.
+        let within = segment.start + 1e-9 * (segment.end - segment.start).min(1.0);
+        let [sigma, _] = self.sample(ray, &segment.active, &[within; N])?;
+        let far = ray.origin.iter().fold(segment.start, |m, x| m.max(x.abs()));
+        for band in 0..self.bands {
+            let k = sigma[band][0];
+            if k * (segment.end - segment.start) > 8.0 {
+                // No nearer than places can be told apart: what is left there counts as uncertain.
+                let least = PLACES * far;
+                self.marks.extend([0.25, 1.0, 3.0, 8.0, 20.0].map(|tau| segment.start + (tau / k).max(least)));
+            }
+        }
+        Ok(())
+    }
+
     /// First panels of a stretch: cut at every straight event, and fine enough to notice features of ordinary size.
     pub(super) fn first(
         &mut self,
@@ -285,9 +312,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             self.straight(ray, self.fields.media[m].field.sampler(self.lean), (start, end), most, &mut cuts);
         }
         if segments[segment].scatters {
-            let mut places = vec![];
-            self.fields.lights.iter().for_each(|l| l.beam.cuts(ray, &mut places));
-            cuts.extend(places.into_iter().filter(|t| *t > start && *t < end).map(|t| (t, false)));
+            cuts.extend(self.marks.iter().filter(|t| **t > start && **t < end).map(|t| (*t, false)));
         }
         let cuts = thin(cuts, self.rough);
         let pieces = cuts.len() - 1;
@@ -333,6 +358,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         let mut panels = vec![];
         let mut rest = Rest::default();
         for (i, segment) in segments.iter().enumerate() {
+            self.mark(ray, segment)?;
             if segment.end.is_finite() {
                 let least = match (segment.scatters, self.rough) {
                     // Where fields vary they ask for more by themselves.
