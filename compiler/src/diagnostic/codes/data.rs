@@ -138,8 +138,9 @@ PNG, is damaged, or was stripped of its metadata by another program.
         code: "E0650",
         title: "a coefficient is negative at some place",
         explanation: "\
-`k_a`, `k_s` and `k_e` are densities of what absorbs, scatters or emits: there is none below zero. The message names the
-field and a position where it happens; it could not be known before drawing.
+`k_a`, `k_s` and `k_e` are densities of what absorbs, scatters or emits: there is none below zero, nor are there phase
+functions, albedos or lights below it. The message names the field and a position where it happens; it could not be known
+before drawing.
 
 Wrong, since noise swings around zero:
 
@@ -189,6 +190,22 @@ orthographic picture must be positive. Look at the params that the camera uses.
         explanation: "\
 A ray needs a finite origin and a direction that is not zero, and each param of the scene needs as many numbers as its
 type has.
+",
+    },
+    CodeInfo {
+        code: "E0655",
+        title: "a medium is not made for multiple scattering",
+        explanation: "\
+Random paths need to know how dense a medium can be at most, and that it ends somewhere. Uniform and exponential media
+are fine as they are; others need a bounded `shape`, and fields that do not grow beyond all bounds within it.
+
+Wrong, since the field has no largest value:
+
+    medium mist { k_s = 1 /m / length(p / 1 m) }
+
+Right:
+
+    medium mist { shape = sphere(center: (0,0,0) m, radius: 5 m)  k_s = 1 /m / max(length(p / 1 m), 0.1) }
 ",
     },
     CodeInfo {

@@ -152,6 +152,37 @@ impl Closed {
         crate::frame::vector::normalize(slope)
     }
 
+    /// The same along one ray. Nothing if the exponents have no value.
+    pub(super) fn profile<V: Voxels + ?Sized>(
+        &self,
+        fields: &Fields,
+        voxels: &V,
+        scratch: Option<&mut Scratch>,
+        ray: &Ray,
+        start: f64,
+    ) -> Option<Profile> {
+        let mut slopes = [[0.0; 2]; 2 * TERMS];
+        if let (Some(tape), Some(scratch)) = (&self.exponents, scratch) {
+            let mut ts = [start; N];
+            ts[1] = start + OUT;
+            fields.run(tape, scratch, voxels, ray, &ts, false);
+            for (i, slot) in slopes.iter_mut().enumerate().take(self.count) {
+                let e = tape.component(scratch, i, 0);
+                *slot = [e[0], (e[1] - e[0]) / OUT];
+            }
+        }
+        let mut terms = vec![];
+        for (factor, exponent) in &self.terms {
+            let [e, slope] = exponent.map_or([0.0; 2], |i| slopes[i]);
+            if !e.is_finite() || !slope.is_finite() {
+                return None;
+            }
+            let size = e.exp();
+            terms.push((factor.map(|f| if f == 0.0 { 0.0 } else { f * size }), slope));
+        }
+        Some(Profile { terms })
+    }
+
     /// Optical depth between two parameters of a ray, the second of which may be infinite; it may be infinite too. Nothing
     /// if the exponents have no value.
     pub(super) fn depth<V: Voxels + ?Sized>(
@@ -195,5 +226,59 @@ impl Closed {
             }
         }
         Some(tau)
+    }
+}
+
+/// Extinction along a ray from some place on: Σ c·exp(s·x).
+#[derive(Clone, Debug)]
+pub(super) struct Profile {
+    terms: Vec<(PerBand, f64)>,
+}
+
+impl Profile {
+    /// Extinction at `x`.
+    pub(super) fn at(&self, x: f64, band: usize) -> f64 {
+        self.terms.iter().map(|(c, s)| if c[band] == 0.0 { 0.0 } else { c[band] * (s * x).exp() }).sum()
+    }
+
+    /// Depth up to `x`, which may be infinite, as may be the depth.
+    pub(super) fn depth(&self, x: f64, band: usize) -> f64 {
+        let one = |(c, s): &(PerBand, f64)| {
+            if c[band] == 0.0 || x == 0.0 {
+                0.0
+            } else if x.is_infinite() {
+                if *s < 0.0 { c[band] / -s } else { f64::INFINITY }
+            } else if *s <= 0.0 {
+                c[band] * x * phi(-s * x)
+            } else {
+                c[band] * x * phi(s * x) * (s * x).exp()
+            }
+        };
+        self.terms.iter().map(one).sum()
+    }
+
+    /// Where the depth is `tau`, if that is before `end`, which may be infinite.
+    pub(super) fn invert(&self, tau: f64, end: f64, band: usize) -> Option<f64> {
+        if !(self.depth(end, band) > tau) {
+            return None;
+        }
+        if let [(c, s)] = self.terms.as_slice() {
+            let y = tau / c[band];
+            let x = if *s == 0.0 { y } else { (y * s).ln_1p() / s };
+            return Some(x.clamp(0.0, end));
+        }
+        let (mut low, mut high) = (0.0, if end.is_finite() { end } else { 1.0 });
+        while self.depth(high, band) < tau {
+            low = high;
+            high *= 2.0;
+        }
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                break;
+            }
+            if self.depth(middle, band) < tau { low = middle } else { high = middle }
+        }
+        Some(high)
     }
 }

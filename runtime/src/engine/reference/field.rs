@@ -4,6 +4,8 @@ use super::closed::Closed;
 use super::events::{self, Event, Events, Levels, Watch};
 use super::gauss::{N, Nodes};
 use super::light::{self, LightField};
+use super::paths::bound::bound;
+use super::paths::phase::PhaseTable;
 use super::shape::{self, AltitudeRay, Solid};
 use super::surface::{self, SurfaceField};
 use super::trace::BANDS;
@@ -11,7 +13,7 @@ use crate::frame::vector::{Vec3, along};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::derive::gradient;
 use compiler::ir::eval::{Environment, Scratch, Tables, Tape, Voxels, evaluate_with};
-use compiler::ir::{FieldScene, Graph, Input, Medium, NodeId, Scattering, Tier};
+use compiler::ir::{FieldScene, Graph, Input, Medium, NodeId, Op, Scattering, Tier};
 use compiler::source::Span;
 use std::collections::HashMap;
 
@@ -135,8 +137,14 @@ pub(super) struct MediumField {
     pub(super) shade: Option<Shade>,
     /// Whether k_s is more than the constant 0.
     pub(super) scatters: bool,
+    /// Whether k_e is more than the constant 0.
+    pub(super) emits: bool,
     /// `None` is isotropic.
     pub(super) phase: Option<Tape>,
+    /// For paths: directions of its phase function, if that is the same everywhere.
+    pub(super) table: Option<PhaseTable>,
+    /// For paths: no extinction in it is above this; infinite if unknown, or if there are no paths.
+    pub(super) bound: f64,
     /// For the projections: the data.
     pub(super) data: Option<Field>,
     /// For the projections: colour of a value of the data, which stands for the cosine.
@@ -218,7 +226,8 @@ impl Fields {
         let slopes = surface::slopes(&mut graph, &surfaces);
         let scatter = scene.render.scattering != Scattering::None;
         let lit = !lights.is_empty() || scene.environment;
-        let shaded = lit && (scatter || !surfaces.is_empty());
+        let paths = scene.render.scattering == Scattering::Multiple;
+        let shaded = paths || lit && (scatter || !surfaces.is_empty());
         let mut media = vec![];
         for (medium, solid) in scene.media.iter().zip(solids) {
             media.push(MediumField {
@@ -227,8 +236,11 @@ impl Fields {
                 solid,
                 field: Field::new(&mut graph, &[medium.k_a, medium.k_s, medium.k_e], &tables),
                 shade: shaded.then(|| shade(&mut graph, medium, bands, &now)),
-                scatters: graph.constant(medium.k_s).is_none_or(|c| c.values().iter().any(|v| *v != 0.0)),
+                scatters: is_something(&graph, medium.k_s),
+                emits: is_something(&graph, medium.k_e),
                 phase: medium.phase.map(|p| Tape::new(&scene.graph, &[p])),
+                table: None,
+                bound: f64::INFINITY,
                 data: medium.data.map(|d| Field::new(&mut graph, &[d], &tables)),
                 color: medium.data_color.map(|c| Tape::new(&scene.graph, &[c])),
                 gradient: medium.data.and_then(|d| {
@@ -254,7 +266,7 @@ impl Fields {
             },
             lights,
             environment: scene.environment,
-            scatters: lit && scatter,
+            scatters: lit && scatter && !paths,
             axis: None,
             surfaces,
             sdf,
@@ -264,10 +276,46 @@ impl Fields {
             time,
             tables,
         };
+        if paths {
+            all.prepare_paths(scene, voxels);
+        }
         if all.environment && shaded {
             all.axis = all.find_axis(voxels);
         }
         Ok(all)
+    }
+
+    /// Bounds of extinction where there is no closed form, and tables of phase functions that are the same everywhere.
+    fn prepare_paths<V: Voxels + ?Sized>(&mut self, scene: &FieldScene, voxels: &V) {
+        let tiers = scene.graph.tiers();
+        let mut tables = vec![];
+        for (field, medium) in self.media.iter().zip(&scene.media) {
+            let closed = field.shade.as_ref().is_some_and(|s| s.closed.is_some());
+            let bound = if closed {
+                f64::INFINITY
+            } else {
+                let frame = (self.params.as_slice(), self.time);
+                bound(&scene.graph, &[medium.k_a, medium.k_s], &field.solid, &self.shells, frame, voxels)
+            };
+            let same =
+                medium.phase.is_some_and(|p| tiers[p.0 as usize] < Tier::Sample && !uses_direction(&scene.graph, p));
+            let table = field.phase.as_ref().filter(|_| same).and_then(|tape| {
+                let mut scratch = tape.scratch();
+                let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells);
+                let values = |cosines: &Nodes| {
+                    self.run_phase(tape, &mut scratch, voxels, &ray, &[0.0; N], cosines);
+                    let at = |b: usize| *tape.component(&scratch, 0, b.min(tape.width(0) - 1));
+                    // What is wrong with it is reported where it is used.
+                    Ok(std::array::from_fn(|b| at(b).map(|v| if v > 0.0 && v.is_finite() { v } else { 0.0 })))
+                };
+                let bands = (scene.bands.count() as usize).clamp(1, BANDS);
+                PhaseTable::new(true, bands, values).ok().flatten()
+            });
+            tables.push((bound, table));
+        }
+        for (field, (bound, table)) in self.media.iter_mut().zip(tables) {
+            (field.bound, field.table) = (bound, table);
+        }
     }
 
     /// The normal of the first plane, or the direction in which an atmosphere thins, unless a phase function is so peaked that
@@ -412,6 +460,16 @@ impl Fields {
         };
         tape.run(&environment, voxels, scratch);
     }
+}
+
+/// Whether a node is anything but the constant 0.
+fn is_something(graph: &Graph, node: NodeId) -> bool {
+    graph.constant(node).is_none_or(|c| c.values().iter().any(|v| *v != 0.0))
+}
+
+fn uses_direction(graph: &Graph, node: NodeId) -> bool {
+    let live = graph.reachable(&[node]);
+    graph.ids().any(|id| live.get(id.0 as usize) == Some(&true) && *graph.op(id) == Op::Input(Input::Direction))
 }
 
 /// What nodes of tier Frame depend on.

@@ -20,7 +20,8 @@
 //! for it (`scatter`), along shadow rays whose optical depth is closed where media are uniform or exponential and adaptive
 //! elsewhere (`shade`), over caps of the sphere by adaptive cubature (`sphere`). Panels are cut where shadows begin. Errors of
 //! what arrives are carried along and added to the error of the ray; tolerances below 1e-9 (1e-7 where light comes from an
-//! environment or a disc) are not attempted then, and `error` says what was reached.
+//! environment or a disc) are not attempted then, and `error` says what was reached. With `scattering = multiple` paths are
+//! drawn (`paths`) and the error is a standard error.
 
 #![expect(clippy::needless_range_loop, reason = "a band indexes several arrays at once")]
 
@@ -33,6 +34,7 @@ mod gauss;
 mod interval;
 mod light;
 mod panel;
+mod paths;
 mod project;
 mod refine;
 mod render;
@@ -54,7 +56,7 @@ pub use surface::{MeshHit, Meshes, Triangles};
 use crate::frame::vector::{Vec3, normalize};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
-use compiler::ir::{Composite, FieldScene};
+use compiler::ir::{Composite, FieldScene, Scattering};
 use field::{Fields, Ray};
 use trace::{BANDS, Worker};
 
@@ -80,11 +82,23 @@ pub struct Options {
     pub max_evaluations: u64,
     /// Instead of all that: the language's default rule with this many steps.
     pub steps: Option<u32>,
+    /// With `scattering = multiple`: most paths per ray, in place of the scene's `samples`.
+    pub samples: Option<u64>,
+    /// With `scattering = multiple`: other seeds draw other paths.
+    pub seed: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { rtol: 1e-10, atol: 0.0, goal: Goal::All, max_evaluations: 2_000_000, steps: None }
+        Self {
+            rtol: 1e-10,
+            atol: 0.0,
+            goal: Goal::All,
+            max_evaluations: 2_000_000,
+            steps: None,
+            samples: None,
+            seed: 0,
+        }
     }
 }
 
@@ -111,6 +125,8 @@ pub enum ErrorKind {
     Bound,
     /// From the decay of coefficients.
     Estimate,
+    /// From the spread of random paths: one standard deviation of their mean.
+    StandardError,
 }
 
 impl ErrorKind {
@@ -120,6 +136,7 @@ impl ErrorKind {
         match self {
             Self::Bound => "bound",
             Self::Estimate => "estimate",
+            Self::StandardError => "standard-error",
         }
     }
 }
@@ -208,7 +225,10 @@ impl<'a, V: Voxels + ?Sized> Reference<'a, V> {
         };
         let ray = Ray::new(origin, direction, &self.fields.shells);
         match self.scene.render.composite {
-            Composite::Radiance => worker.transfer(&ray, options),
+            Composite::Radiance => match self.scene.render.scattering {
+                Scattering::None | Scattering::Single => worker.transfer(&ray, options),
+                Scattering::Multiple => worker.paths(&ray, options, self.scene.render.samples),
+            },
             composite @ (Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_)) => {
                 let value = match composite {
                     Composite::Isosurface(node) => self.fields.number(self.scene, node),

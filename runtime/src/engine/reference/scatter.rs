@@ -173,7 +173,13 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     }
 
     /// Phase function of a medium at points of a ray, for cosines of the angle of scattering.
-    fn phase(&mut self, m: usize, ray: &Ray, ts: &Nodes, cosines: &Nodes) -> Result<[Nodes; BANDS], Diagnostic> {
+    pub(super) fn phase(
+        &mut self,
+        m: usize,
+        ray: &Ray,
+        ts: &Nodes,
+        cosines: &Nodes,
+    ) -> Result<[Nodes; BANDS], Diagnostic> {
         let medium = &self.fields.media[m];
         let (Some(tape), Some(scratch)) = (&medium.phase, &mut self.phases[m]) else {
             return Ok([[0.25 / PI; N]; BANDS]);
@@ -288,7 +294,11 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     }
 
     /// What is left of a light at a point, and how wrong that may be.
-    fn arrive(&mut self, (p, blur): (Vec3, &PerBand), arrival: &Arrival) -> Result<(PerBand, PerBand), Diagnostic> {
+    pub(super) fn arrive(
+        &mut self,
+        (p, blur): (Vec3, &PerBand),
+        arrival: &Arrival,
+    ) -> Result<(PerBand, PerBand), Diagnostic> {
         let tolerance = self.inner;
         let depth = self.shadow(p, arrival.towards, arrival.distance, tolerance)?;
         let (mut light, mut wrong) = ([0.0; BANDS], [0.0; BANDS]);

@@ -153,6 +153,42 @@ impl Solid {
         }
     }
 
+    /// A box around it, if it has one that is easily seen.
+    pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let join = |x: (Vec3, Vec3), y: (Vec3, Vec3)| -> (Vec3, Vec3) {
+            (std::array::from_fn(|i| x.0[i].min(y.0[i])), std::array::from_fn(|i| x.1[i].max(y.1[i])))
+        };
+        match self {
+            Self::Everywhere => None,
+            Self::Union(parts) => {
+                let all: Option<Vec<_>> = parts.iter().map(Self::bounds).collect();
+                all?.into_iter().reduce(join)
+            }
+            // Any of them holds it.
+            Self::Intersection(parts) => {
+                let size = |b: &(Vec3, Vec3)| length(sub(b.1, b.0));
+                parts.iter().filter_map(Self::bounds).min_by(|x, y| size(x).total_cmp(&size(y)))
+            }
+            Self::Difference(first, _) => first.bounds(),
+            Self::Part { from_world, form } => {
+                let (low, high) = form.bounds()?;
+                let Some((rows, offset)) = from_world else { return Some((low, high)) };
+                let corner = |i: usize| {
+                    let own: Vec3 = std::array::from_fn(|c| if i >> c & 1 == 0 { low[c] } else { high[c] } - offset[c]);
+                    solve_three(rows, own).map(|p| (p, p))
+                };
+                let corners: Option<Vec<_>> = (0..8).map(corner).collect();
+                corners?.into_iter().reduce(join)
+            }
+        }
+    }
+
+    /// Whether it is a shell that begins at this radius.
+    pub(super) fn is_shell_over(&self, at: Vec3, radius: f64) -> bool {
+        matches!(self, Self::Part { from_world: None, form: Form::Shell { center, inner, .. } }
+            if *center == at && *inner == radius)
+    }
+
     /// Cones of directions from `p` (a unit vector and an angle about it) at whose rims what a ray meets changes: rims of balls,
     /// and corners as cones without width. Only hints: what is hard to see is left out.
     pub(super) fn cones(&self, p: Vec3, out: &mut Vec<(Vec3, f64)>) {
@@ -313,6 +349,22 @@ pub(super) fn mix(hash: u64, more: u64) -> u64 {
 }
 
 impl Form {
+    fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let about = |center: Vec3, half: Vec3| {
+            Some((std::array::from_fn(|i| center[i] - half[i]), std::array::from_fn(|i| center[i] + half[i])))
+        };
+        match *self {
+            Self::Ball { center, radius } | Self::Shell { center, outer: radius, .. } => about(center, [radius; 3]),
+            Self::Ellipsoid { center, radii } => about(center, radii),
+            Self::Box { min, max } => Some((min, max)),
+            Self::Cylinder { from, to, radius } => Some((
+                std::array::from_fn(|i| from[i].min(to[i]) - radius),
+                std::array::from_fn(|i| from[i].max(to[i]) + radius),
+            )),
+            Self::Slab { .. } | Self::Sdf { .. } => None,
+        }
+    }
+
     /// Which faces a ray meets up to `reach`, as a number.
     fn signature(&self, o: Vec3, d: Vec3, reach: f64) -> u64 {
         let mut hash = SIGNATURE;

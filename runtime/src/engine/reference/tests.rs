@@ -3,6 +3,7 @@
 mod build;
 mod closed;
 mod grids;
+mod paths;
 mod project;
 mod single;
 mod stiff;

@@ -47,7 +47,7 @@ pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) metre: f64,
     pub(super) bands: usize,
     /// Registers of each medium's tape: the full one, then the lean one.
-    scratch: [Vec<Scratch>; 2],
+    pub(super) scratch: [Vec<Scratch>; 2],
     /// The same for the tapes that shadow rays run.
     pub(super) shade: [Vec<Scratch>; 2],
     /// Registers of the exponents of closed forms, of phase functions, and of the background.
