@@ -395,7 +395,6 @@ impl Fields {
         self.background.tape.run(&environment, voxels, scratch);
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the one place where everything that a tape may ask for meets")]
     fn run_with<V: Voxels + ?Sized>(
         &self,
         tape: &Tape,
