@@ -20,7 +20,7 @@ pub fn lipschitz(graph: &Graph) -> Vec<f64> {
         let bound = match *graph.op(id) {
             Op::Const(_) | Op::Truth(_) | Op::Param(_) | Op::LoopVar(_) => 0.0,
             Op::Input(Input::Position | Input::Altitude(_)) => 1.0,
-            Op::Input(Input::Direction | Input::CosTheta | Input::Time) => 0.0,
+            Op::Input(Input::Direction | Input::CosTheta | Input::Versine | Input::Vercosine | Input::Time) => 0.0,
             Op::Unary(u, a) => match u {
                 Unary::Neg | Unary::Abs | Unary::Sin | Unary::Cos | Unary::Atan | Unary::Tanh => get(a),
                 Unary::Exp | Unary::Expm1 => times(get(a), range(a).high.exp()),

@@ -224,6 +224,7 @@ pub fn ranges(graph: &Graph) -> Vec<Range> {
                 Range { low: 0.0, high: 1.0, nan: false }
             }
             Op::Input(Input::Direction | Input::CosTheta) => Range { low: -1.0, high: 1.0, nan: false },
+            Op::Input(Input::Versine | Input::Vercosine) => Range { low: 0.0, high: 2.0, nan: false },
             // Positions, altitudes and times are numbers, however large.
             Op::Input(Input::Position | Input::Altitude(_) | Input::Time) => {
                 Range { low: -f64::MAX, high: f64::MAX, nan: false }

@@ -444,7 +444,7 @@ impl Graph {
         for op in &self.ops {
             let mut tier = match op {
                 Op::Input(Input::Position | Input::Altitude(_)) => Tier::Sample,
-                Op::Input(Input::Direction | Input::CosTheta) => Tier::Ray,
+                Op::Input(Input::Direction | Input::CosTheta | Input::Versine | Input::Vercosine) => Tier::Ray,
                 Op::Input(Input::Time) | Op::Param(_) => Tier::Frame,
                 Op::Lookup { table, .. } | Op::LookupSlope { table, .. } => {
                     let table = self.table(*table);

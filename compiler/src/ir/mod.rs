@@ -120,6 +120,11 @@ pub enum Input {
     Direction,
     /// Cosine between travel before and after scattering, +1 forward. Width 1.
     CosTheta,
+    /// 1 − [`Input::CosTheta`], which engines take from the directions themselves (half the square of their difference), so
+    /// that narrow forward lobes keep their digits. Passes make it. Width 1.
+    Versine,
+    /// 1 + [`Input::CosTheta`] likewise, for backward lobes. Width 1.
+    Vercosine,
     /// Seconds. Width 1.
     Time,
     /// Altitude above the inner radius of a `shell`, in units of length, computed by the engine without cancellation:
@@ -133,7 +138,7 @@ impl Input {
     pub fn ty(self) -> Type {
         match self {
             Self::Position | Self::Direction => Type::VEC3,
-            Self::CosTheta | Self::Time | Self::Altitude(_) => Type::SCALAR,
+            Self::CosTheta | Self::Versine | Self::Vercosine | Self::Time | Self::Altitude(_) => Type::SCALAR,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The plan: what the runtime binds, fills and dispatches, as plain data.
 
-use crate::ir::{GridId, NodeId, TableId};
+use crate::ir::{GridId, MeshId, NodeId, TableId};
 
 /// Where the rays of a drawing come from.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
@@ -173,6 +173,11 @@ pub enum Binding {
     Grid(GridId),
     /// A table: array of f32: per row its key, then its values, `width + 1` numbers a row.
     Table(TableId),
+    /// A mesh: array of f32. First eight numbers, of which the first is the count of nodes as the bits of a u32. Then the nodes
+    /// of a hierarchy of boxes in depth-first order, eight numbers each: lower corner, the node to go on with when this one
+    /// is missed (bits), upper corner, and for a leaf its first triangle · 8 + number of triangles (bits), else 0. Then
+    /// triangles, nine numbers each: a corner, and the two edges from it. In the scene's units.
+    Mesh(MeshId),
     /// Rays of the list.
     Rays,
     /// Records, one per ray: array of f32.

@@ -141,6 +141,10 @@ pub fn print_plan(program: &Program) -> String {
                 let table = scene.graph.table(*id);
                 format!("buffer of table {}: {} rows of {}", table.name, table.keys.len(), table.width + 1)
             }
+            Binding::Mesh(id) => {
+                let info = &scene.meshes[id.0 as usize];
+                format!("buffer of mesh {}: {} triangles and their boxes", info.path, info.header.triangles)
+            }
             Binding::Rays => "buffer of rays, 8 f32 each".into(),
             Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
         };

@@ -3,7 +3,7 @@
 use super::measure::{Measured, Samples, worst};
 use super::{Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, Params, pack_ray, sample_offsets, scene_bounds};
 use crate::data::Volume;
-use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, Tile};
+use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile};
 use crate::engine::reference::{self, Reference};
 use crate::image::Picture;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
@@ -596,7 +596,7 @@ fn choose(
     let gpu = || {
         let gpu = Arc::new(Gpu::new(&settings.adapter, &Needs::of(program))?);
         let grids: Vec<GridData<'_>> = grids.iter().map(|l| grid_data(&l.volume)).collect();
-        gpu.prepare(program, shaders, &grids).map(|p| Engine::Gpu(Box::new(p)))
+        gpu.prepare(program, shaders, SceneData { grids: &grids, meshes: &[] }).map(|p| Engine::Gpu(Box::new(p)))
     };
     match settings.engine {
         EngineChoice::Gpu => Ok((gpu()?, None)),

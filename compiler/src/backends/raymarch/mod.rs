@@ -1,11 +1,15 @@
 //! Raymarching: one ray per sample, front to back.
 
+mod closed;
 mod edges;
+mod light;
 mod march;
 mod matter;
 mod project;
 mod rays;
+mod sample;
 mod shapes;
+mod sheets;
 mod trace;
 
 use crate::Options;
@@ -70,6 +74,10 @@ pub(super) fn build(
         wanted,
         max_work: scene.render.max_work,
         shells: scene.shells.clone(),
+        walk: trace::Walk::Eye,
+        nearest: None,
+        shadow: None,
+        in_scattered: None,
     };
     let traced = tracer.write(ledger);
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
@@ -124,7 +132,10 @@ fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnosti
             None => d,
         };
         let hint = "give it a shape, for example `shape = sphere(center: (0,0,0) m, radius: 10 m)`";
-        if m.varying && !seen.closed && !bounded_sdf(&m.region, &seen.primitives) {
+        let open = m.varying
+            && (m.closed.is_none()
+                || (m.emission.is_some() && m.steps && m.source_bound.is_none() && m.scattering.is_none()));
+        if open && !bounded_sdf(&m.region, &seen.primitives) {
             diagnostics.push(
                 at(Diagnostic::error(
                     "E0520",
