@@ -553,7 +553,7 @@ impl Session {
                 answers.push(RayAnswer {
                     radiance: list(OutputKind::Radiance),
                     transmittance: list(OutputKind::Transmittance),
-                    optical_depth: list(OutputKind::OpticalDepth),
+                    optical_depth: list(OutputKind::OpticalDepth).into_iter().map(unbounded).collect(),
                     error: list(OutputKind::Error),
                     error_kind: "estimate",
                     evaluations: reader.number(record, OutputKind::Evaluations).map_or(0, |n| n as u64),
@@ -567,6 +567,11 @@ impl Session {
         }
         Ok(answers)
     }
+}
+
+/// Kernels have no infinity: an integral that has no end is cut off at 3e38 before a coefficient scales it.
+fn unbounded(depth: f64) -> f64 {
+    if depth > 1e33 { f64::INFINITY } else { depth }
 }
 
 fn milliseconds(since: Instant) -> f64 {

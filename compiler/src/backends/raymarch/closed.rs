@@ -62,14 +62,16 @@ impl Tracer<'_> {
         name: &str,
     ) -> Option<Expr> {
         let dw = self.scene.depth_width;
-        let length = code.bind("length", Ty::F32, b.clone() - a.clone());
+        let uniform = media.iter().filter_map(|m| {
+            let k = m.constant.extinction.clone()?;
+            Some((m.here.clone(), k, self.width(m.matter.extinction)))
+        });
+        let uniform = uniform.collect();
         let mut parts = vec![];
-        for medium in media {
-            if let Some(k) = &medium.constant.extinction {
-                let width = self.width(medium.matter.extinction);
-                parts.push((medium.here.clone(), k.clone() * length.clone().splat(width), width));
-                continue;
-            }
+        if let Some(k_t) = self.total(code, uniform, dw, "k_t") {
+            parts.push((None, k_t * (b.clone() - a.clone()).splat(dw), dw));
+        }
+        for medium in media.iter().filter(|m| m.constant.extinction.is_none()) {
             for term in medium.matter.closed.iter().flatten() {
                 let scale = self.builder.value(self.graph, term.scale, &format!("{}_k_t", medium.matter.name));
                 let width = self.graph.width(term.scale);
@@ -92,8 +94,11 @@ impl Tracer<'_> {
                 parts.push((medium.here.clone(), scale * value.splat(width), width));
             }
         }
-        // An endless segment is opaque where there is anything at all: 0 · 3e38 is 0.
         let x = self.total(code, parts, dw, name)?;
+        if !media.iter().any(|m| m.matter.region.is_unbounded(&self.scene.primitives)) {
+            return Some(x);
+        }
+        // An endless segment is opaque where there is anything at all: 0 · 3e38 is 0.
         Some(code.bind(name, Ty::float(dw), x.min(Expr::F32(FAR).splat(dw))))
     }
 
@@ -141,7 +146,7 @@ impl Tracer<'_> {
         });
         let emission = emission.collect();
         let k_e = self.total(code, emission, lw, "k_e")?;
-        let length = b.clone() - a.clone();
+        let length = code.bind("length", Ty::F32, b.clone() - a.clone());
         Some(match x {
             Some(x) => {
                 let mean = self.attenuated(code, x.clone(), dw);
