@@ -45,6 +45,9 @@ impl KernelBuilder {
             FrameValue::White => ("white", 1, false),
             FrameValue::Steps => ("steps", 1, true),
             FrameValue::MaxWork => ("max_work", 1, true),
+            FrameValue::Paths => ("paths", 1, true),
+            FrameValue::FirstPath => ("first_path", 1, true),
+            FrameValue::Seed => ("seed", 1, true),
             FrameValue::PixelScale => ("pixel_scale", 1, false),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
@@ -60,6 +63,11 @@ impl KernelBuilder {
         let truth = graph.ty(node) == Type::Bool;
         let value = self.uniform(&name, width, truth, UniformSource::Node(node));
         if truth { Expr::binary(crate::program::kernel::BinaryOp::NotEqual, value, 0u32) } else { value }
+    }
+
+    /// The largest value that a node can have anywhere.
+    pub fn majorant(&mut self, node: NodeId, name: &str) -> Expr {
+        self.uniform(&format!("{name}_majorant"), 1, false, UniformSource::Majorant(node))
     }
 
     fn resource(&mut self, name: &str, kind: ResourceKind, binding: Binding) -> u32 {

@@ -75,6 +75,9 @@ impl Fault {
 pub enum UniformSource {
     /// A node of the optimised graph of tier Frame, evaluated in f64 on the host.
     Node(NodeId),
+    /// The largest value that a node can have anywhere in the scene at these parameters, by interval arithmetic: the majorant of
+    /// a coefficient.
+    Majorant(NodeId),
     /// Something about this drawing.
     Frame(FrameValue),
 }
@@ -117,6 +120,12 @@ pub enum FrameValue {
     Steps,
     /// u32: `max_work`
     MaxWork,
+    /// u32: paths of a pixel or ray in this dispatch
+    Paths,
+    /// u32: number of the first of them
+    FirstPath,
+    /// u32: `--seed`
+    Seed,
     /// f32: how many pixels of the picture one unit of u spans (height/2)
     PixelScale,
 }
@@ -211,6 +220,8 @@ pub enum StepRule {
     Fixed(u32),
     /// By local error control, to this accuracy.
     Adaptive(f64),
+    /// Random paths: this many of each pixel or ray, or as many as `accuracy` needs.
+    Paths(Option<u32>),
 }
 
 /// Everything the runtime must know to draw.

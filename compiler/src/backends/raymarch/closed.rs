@@ -172,7 +172,7 @@ impl Tracer<'_> {
         let dw = self.scene.depth_width;
         let share = match self.rule {
             StepRule::Adaptive(_) => self.builder.frame(FrameValue::Accuracy) * BEYOND,
-            StepRule::Closed | StepRule::Fixed(_) => Expr::F32(BEYOND_FIXED),
+            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => Expr::F32(BEYOND_FIXED),
         };
         let share = code.bind("share", Ty::F32, share);
         // Bisection over exponents of two from 2⁻³² to 2⁹⁶ units.

@@ -7,7 +7,7 @@
 
 use super::shapes::{FAR, Ray};
 use super::trace::{Tracer, largest, least, widen};
-use crate::fields::{Code, Writer, phase_function};
+use crate::fields::{Code, Writer};
 use crate::ir::{Input, Light, LightKind};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{FrameValue, Ledger, OutputKind, StepRule};
@@ -67,6 +67,8 @@ pub(super) enum Receiver<'r> {
     Medium { direction: &'r Expr, narrow: Option<f64> },
     /// A surface with this normal.
     Surface { normal: &'r Expr },
+    /// A vertex of a path, which takes one sample of each light at random, and none of the environment.
+    Path { rng: LocalId },
 }
 
 /// The sums of a gathering function.
@@ -83,7 +85,7 @@ impl Tracer<'_> {
     fn count(&self, per_accuracy: f64, least: u32, most: u32) -> u32 {
         match self.rule {
             StepRule::Adaptive(a) => ((per_accuracy / a).ceil() as u32).clamp(least, most),
-            StepRule::Closed | StepRule::Fixed(_) => ((100.0 * per_accuracy).ceil() as u32).clamp(least, most),
+            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => ((100.0 * per_accuracy).ceil() as u32).clamp(least, most),
         }
     }
 
@@ -93,7 +95,7 @@ impl Tracer<'_> {
     }
 
     /// Two unit vectors across a third (Duff et al. 2017).
-    fn across(code: &mut Code, axis: &Expr) -> (Expr, Expr) {
+    pub(super) fn across(code: &mut Code, axis: &Expr) -> (Expr, Expr) {
         let n = |i| axis.clone().component(i);
         let sign = code.bind("sign", Ty::F32, n(2).greater_equal(0.0).select(1.0, -1.0));
         let a = code.bind("a", Ty::F32, Expr::F32(-1.0) / (sign.clone() + n(2)));
@@ -105,7 +107,7 @@ impl Tracer<'_> {
     }
 
     /// The direction at an angle of cosine `mu` from an axis, `turns` around it.
-    fn around(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), mu: &Expr, turns: Expr) -> Expr {
+    pub(super) fn around(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), mu: &Expr, turns: Expr) -> Expr {
         let angle = code.bind("azimuth", Ty::F32, turns * (2.0 * PI));
         let rest = (Expr::F32(1.0) - mu.clone() * mu.clone()).max(0.0).sqrt();
         let rest = code.bind("sine", Ty::F32, rest);
@@ -116,7 +118,7 @@ impl Tracer<'_> {
     }
 
     /// Calls `each` with every sample of every light.
-    fn samples(
+    pub(super) fn samples(
         &mut self,
         code: &mut Code,
         p: &Expr,
@@ -137,7 +139,11 @@ impl Tracer<'_> {
                         continue;
                     };
                     let diameter = self.builder.value(self.graph, diameter, &format!("{name}_angular_diameter"));
-                    self.disc(code, &to, e, &(diameter * 0.5), each);
+                    if let Receiver::Path { rng } = receiver {
+                        self.disc_point(code, &to, e, &(diameter * 0.5), *rng, each);
+                    } else {
+                        self.disc(code, &to, e, &(diameter * 0.5), each);
+                    }
                 }
                 LightKind::Point { position, intensity, radius } => {
                     let at = self.builder.value(self.graph, position, &format!("{name}_position"));
@@ -162,7 +168,7 @@ impl Tracer<'_> {
                 }
             }
         }
-        if self.scene.environment {
+        if self.scene.environment && !matches!(receiver, Receiver::Path { .. }) {
             self.environment(code, receiver, each);
         }
     }
@@ -198,6 +204,30 @@ impl Tracer<'_> {
         code.push_loop(block);
     }
 
+    /// One point of a disc at random, with all of its light.
+    fn disc_point(
+        &mut self,
+        code: &mut Code,
+        to: &Expr,
+        irradiance: Expr,
+        radius: &Expr,
+        rng: LocalId,
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let lw = self.scene.light_width;
+        let Some(random) = self.random else { return };
+        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
+        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
+        let share = Expr::F32(2.0) / (Expr::F32(2.0) - cap.clone());
+        let e = code.bind("irradiance", Ty::float(lw), irradiance * share.splat(lw));
+        let frame = Self::across(code, to);
+        let u = random.draw(code, rng);
+        let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - cap * u);
+        let turns = random.draw(code, rng);
+        let sample = Self::around(code, to, &frame, &mu, turns);
+        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None });
+    }
+
     fn environment(
         &mut self,
         code: &mut Code,
@@ -210,6 +240,7 @@ impl Tracer<'_> {
         let axis = match receiver {
             Receiver::Medium { direction, .. } => (*direction).clone(),
             Receiver::Surface { normal } => (*normal).clone(),
+            Receiver::Path { .. } => return,
         };
         let frame = Self::across(code, &axis);
         let i = code.var("sample", Ty::F32, 0.0);
@@ -218,7 +249,7 @@ impl Tracer<'_> {
         let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
         // The cosine from the axis, and the solid angle that the sample stands for.
         let (mu, solid) = match receiver {
-            Receiver::Surface { .. } => {
+            Receiver::Surface { .. } | Receiver::Path { .. } => {
                 let mu = code.bind("mu", Ty::F32, (Expr::F32(1.0) - u).max(0.0).sqrt());
                 (mu.clone(), Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
             }
@@ -376,13 +407,7 @@ impl Tracer<'_> {
             return None;
         }
         let lw = self.scene.light_width;
-        let mut functions = vec![];
-        for phase in &self.scene.phases {
-            functions.push(phase.node.map(|node| {
-                let name = format!("{}_phase", phase.name);
-                phase_function(self.graph, &self.scene.tiers, self.builder, &name, node)
-            }));
-        }
+        let functions = self.phase_functions();
         let mut code = Code::new("in_scattered", None);
         let p = code.parameter("p", Ty::VEC3);
         let direction = code.parameter("direction", Ty::VEC3);
@@ -391,7 +416,6 @@ impl Tracer<'_> {
         let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });
         let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-0.98, 0.98));
         let receiver = Receiver::Medium { direction: &direction, narrow };
-        let shells = self.shells.clone();
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
             let mut weights = vec![];
             for (function, phase) in functions.iter().zip(&this.scene.phases) {
@@ -399,30 +423,7 @@ impl Tracer<'_> {
                     weights.push(Expr::F32(0.25 / PI).splat(lw));
                     continue;
                 };
-                let mut arguments = vec![];
-                for input in &function.inputs {
-                    let half_square = |v: Expr| {
-                        let v = Expr::math(Math::Length, [v]);
-                        v.clone() * v * 0.5
-                    };
-                    arguments.push(match input {
-                        Input::Position => p.clone(),
-                        // Light travels from the light to the point.
-                        Input::Direction => -sample.to.clone(),
-                        Input::CosTheta => Expr::math(
-                            Math::Clamp,
-                            [sample.to.clone().dot(direction.clone()), (-1.0).into(), 1.0.into()],
-                        ),
-                        Input::Versine => half_square(sample.to.clone() - direction.clone()),
-                        Input::Vercosine => half_square(sample.to.clone() + direction.clone()),
-                        Input::Time => continue,
-                        Input::Altitude(shell) => {
-                            debug_assert!((*shell as usize) < shells.len());
-                            let ray = Ray { origin: p.clone(), direction: direction.clone() };
-                            this.altitude(code, &ray, *shell, &Expr::F32(0.0))
-                        }
-                    });
-                }
+                let arguments = this.phase_arguments(code, function, &p, &sample.to, &direction);
                 let width = phase.node.map_or(1, |n| this.graph.width(n));
                 let value = Expr::Call(function.id, arguments);
                 weights.push(widen(

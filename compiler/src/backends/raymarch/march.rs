@@ -21,7 +21,7 @@ impl Tracer<'_> {
         let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
-            StepRule::Closed | StepRule::Adaptive(_) => {
+            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
                 self.march_adaptive(code, state, media, segment, &length, &reach);
             }
         }
@@ -179,7 +179,7 @@ impl Tracer<'_> {
             let seen = code.bind("seen_error", Ty::F32, largest(seen, dw));
             let allowed = accuracy.clone() * SHARE * (step.clone() / reach.clone());
             let allowed = match &self.walk {
-                Walk::Eye => allowed,
+                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => allowed,
                 // Half goes to the shadows, relative to the light that comes through, or to white.
                 Walk::Shadow { dim } => allowed * 0.5 * dim.clone().max(largest(through, dw)),
             };

@@ -3,7 +3,7 @@
 use super::light::InScattered;
 use super::matter::Matter;
 use super::shapes::{FAR, Ray};
-use super::trace::{ComponentIf, Medium, State, Tracer, largest, widen};
+use super::trace::{ComponentIf, Medium, State, Tracer, Walk, largest, widen};
 use crate::fields::Code;
 use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
 
@@ -16,11 +16,19 @@ pub(super) struct Sampled {
     pub(super) source_error: Option<Expr>,
 }
 
+/// Sums over the media that are here.
+pub(super) struct Sums {
+    pub(super) extinction: Option<LocalId>,
+    pub(super) source: Option<LocalId>,
+    /// By phase function.
+    pub(super) scattering: Vec<LocalId>,
+}
+
 /// What one medium adds, in the widths of the scene.
-struct Part {
-    extinction: Option<Expr>,
-    emission: Option<Expr>,
-    scattering: Option<Expr>,
+pub(super) struct Part {
+    pub(super) extinction: Option<Expr>,
+    pub(super) emission: Option<Expr>,
+    pub(super) scattering: Option<Expr>,
 }
 
 impl Tracer<'_> {
@@ -57,20 +65,45 @@ impl Tracer<'_> {
             let source = part.emission.map(|e| code.bind(&format!("k_e_{tag}"), Ty::float(lw), e));
             return Sampled { extinction, source, source_error: None };
         }
+        let sums = self.media_sums(code, ray, state, media, &t, tag, lights.is_some());
+        let mut source_error = None;
+        if let (Some(lights), Some(source)) = (lights, sums.source) {
+            source_error = self.add_scattered(code, ray, state, &lights, &sums.scattering, source, &p, tag);
+        }
+        let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
+            var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
+        };
+        Sampled {
+            extinction: bind(code, sums.extinction, "k_t", dw),
+            source: bind(code, sums.source, "source", lw),
+            source_error: source_error.map(Expr::Local),
+        }
+    }
+
+    /// Adds up what all media that are here have at a distance along the ray.
+    pub(super) fn media_sums(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        state: &State,
+        media: &[Medium<'_>],
+        t: &Expr,
+        tag: &str,
+        scatters: bool,
+    ) -> Sums {
+        let (dw, lw) = (self.scene.depth_width, self.source_width());
+        let p = code.bind(&format!("at_{tag}"), Ty::VEC3, ray.at(t.clone()));
         let zero = |width: u8| Expr::F32(0.0).splat(width);
-        let extinction = state.depth.map(|_| code.var(&format!("k_t_{tag}"), Ty::float(dw), zero(dw)));
+        let attenuates = media.iter().any(|m| m.matter.extinction.is_some());
+        let extinction = attenuates.then(|| code.var(&format!("k_t_{tag}"), Ty::float(dw), zero(dw)));
         let source = state.radiance.map(|_| code.var(&format!("source_{tag}"), Ty::float(lw), zero(lw)));
         // Scattering is added up per phase function, so that lights are asked once, and only where something scatters.
-        let scattering: Vec<LocalId> = match &lights {
-            Some(_) => {
-                let named = self.scene.phases.iter().enumerate();
-                named.map(|(i, _)| code.var(&format!("k_s_{tag}_{i}"), Ty::float(lw), zero(lw))).collect()
-            }
-            None => vec![],
-        };
+        let count = if scatters { self.scene.phases.len() } else { 0 };
+        let scattering: Vec<LocalId> =
+            (0..count).map(|i| code.var(&format!("k_s_{tag}_{i}"), Ty::float(lw), zero(lw))).collect();
         for medium in media {
             code.open();
-            let part = self.sample_one(code, ray, state, medium, &p, &t);
+            let part = self.sample_one(code, ray, state, medium, &p, t);
             if let (Some(total), Some(value)) = (extinction, part.extinction) {
                 code.add(total, value);
             }
@@ -86,18 +119,7 @@ impl Tracer<'_> {
                 None => code.push_all(body),
             }
         }
-        let mut source_error = None;
-        if let (Some(lights), Some(source)) = (lights, source) {
-            source_error = self.add_scattered(code, ray, state, &lights, &scattering, source, &p, tag);
-        }
-        let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
-            var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
-        };
-        Sampled {
-            extinction: bind(code, extinction, "k_t", dw),
-            source: bind(code, source, "source", lw),
-            source_error: source_error.map(Expr::Local),
-        }
+        Sums { extinction, source, scattering }
     }
 
     /// Adds k_s times the in-scattered light of each phase function to the source.
@@ -136,14 +158,14 @@ impl Tracer<'_> {
 
     /// Components of what sends light from within the media.
     pub(super) fn source_width(&self) -> u8 {
-        if self.in_scattered.is_some() {
+        if self.in_scattered.is_some() || matches!(self.walk, Walk::Path(_)) {
             return self.scene.light_width;
         }
         self.scene.matter.iter().map(|m| self.width(m.emission)).max().unwrap_or(1)
     }
 
     /// Evaluates one medium.
-    fn sample_one(
+    pub(super) fn sample_one(
         &mut self,
         code: &mut Code,
         ray: &Ray,

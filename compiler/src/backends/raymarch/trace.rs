@@ -23,6 +23,8 @@ use crate::program::{Fault, Ledger, OutputKind, StepRule};
 pub(super) struct Traced {
     pub(super) function: FunctionId,
     pub(super) fields: Vec<(OutputKind, u8)>,
+    /// For paths.
+    pub(super) random: Option<super::paths::Random>,
 }
 
 /// The values of a medium's coefficients where they do not depend on the position.
@@ -87,6 +89,10 @@ pub(super) enum Walk {
     Eye,
     /// The optical depth towards a light, to within this share of the transmittance or of `accuracy`.
     Shadow { dim: Expr },
+    /// A flight of a path, to its next collision.
+    Path(super::paths::Flight),
+    /// An unbiased estimate of the transmittance towards a light.
+    Ratio(super::paths::Ratio),
 }
 
 pub(super) struct Tracer<'a> {
@@ -103,6 +109,10 @@ pub(super) struct Tracer<'a> {
     pub(super) nearest: Option<Nearest>,
     pub(super) shadow: Option<Shadow>,
     pub(super) in_scattered: Option<InScattered>,
+    /// Of paths.
+    pub(super) random: Option<super::paths::Random>,
+    /// `transmitted` of paths.
+    pub(super) transmitted: Option<FunctionId>,
 }
 
 /// Variables of the function.
@@ -173,7 +183,7 @@ impl Tracer<'_> {
     }
 
     /// Writes `shadow`, if something attenuates.
-    fn write_shadow(&mut self, sdfs: &[Option<SdfFunctions>]) -> Option<Shadow> {
+    pub(super) fn write_shadow(&mut self, sdfs: &[Option<SdfFunctions>]) -> Option<Shadow> {
         let scene = self.scene;
         if !scene.attenuates() {
             return None;
@@ -224,7 +234,7 @@ impl Tracer<'_> {
     }
 
     /// Follows the ray through all media.
-    fn follow(
+    pub(super) fn follow(
         &mut self,
         code: &mut Code,
         ray: &Ray,
@@ -335,7 +345,7 @@ impl Tracer<'_> {
         names
     }
 
-    fn sdfs(&mut self) -> Vec<Option<SdfFunctions>> {
+    pub(super) fn sdfs(&mut self) -> Vec<Option<SdfFunctions>> {
         let scene = self.scene;
         let mut steepness = None;
         let mut out = vec![];
@@ -368,7 +378,8 @@ impl Tracer<'_> {
     fn steps(&self, matter: &Matter) -> bool {
         match self.walk {
             Walk::Eye => matter.steps,
-            Walk::Shadow { .. } => self.open_depth(matter),
+            Walk::Shadow { .. } | Walk::Ratio(_) => self.open_depth(matter),
+            Walk::Path(_) => true,
         }
     }
 
@@ -379,7 +390,7 @@ impl Tracer<'_> {
     {
         let scene: &Scene = self.scene;
         let tiers = &scene.tiers;
-        let eye = matches!(self.walk, Walk::Eye);
+        let eye = matches!(self.walk, Walk::Eye | Walk::Path(_));
         // Light travels against the ray of the eye, and along no other than that from its source.
         let travel = -ray.direction.clone();
         let varies = |n: Option<NodeId>| n.filter(|n| tiers[n.0 as usize] == Tier::Sample);
@@ -397,7 +408,9 @@ impl Tracer<'_> {
                 })
             };
             // Where steps are taken, everything that varies is sampled; where all is closed, nothing is.
-            let sampled = stepping && wanted.iter().any(|n| varies(*n).is_some());
+            let sampled = (stepping || matches!(self.walk, Walk::Path(_)))
+                && (eye || self.open_depth(matter) || matches!(self.walk, Walk::Shadow { .. }))
+                && wanted.iter().any(|n| varies(*n).is_some());
             let extinction_at = extinction.filter(|_| sampled).map(|n| place("k_t", n));
             let emission_at = emission.filter(|_| sampled).map(|n| place("k_e", n));
             let scattering_at = scattering.filter(|_| sampled).map(|n| place("k_s", n));
@@ -531,6 +544,9 @@ impl Tracer<'_> {
             Some(condition) => code.push_if(condition, body),
             None => code.push_all(body),
         }
+        if let Walk::Path(flight) = &self.walk {
+            code.break_if(Expr::Local(flight.event).less(FAR));
+        }
         code.set(t, next);
         code.break_if(Expr::Local(next).greater_equal(end));
         if let Some(depth) = state.depth {
@@ -551,6 +567,11 @@ impl Tracer<'_> {
         if self.composite != Composite::Radiance {
             self.project_segment(code, state, media, segment);
             return;
+        }
+        match self.walk.clone() {
+            Walk::Eye | Walk::Shadow { .. } => {}
+            Walk::Path(flight) => return self.fly(code, state, media, segment, &flight),
+            Walk::Ratio(ratio) => return self.ratio(code, state, media, segment, &ratio),
         }
         let (stepped, others): (Vec<&Medium<'_>>, Vec<&Medium<'_>>) = media.iter().partition(|m| self.steps(m.matter));
         let Segment { ray, a, b, .. } = segment;
@@ -621,7 +642,7 @@ impl Tracer<'_> {
     }
 
     /// Radiance of the background, in the width of light.
-    fn background(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
+    pub(super) fn background(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
         let node = self.scene.background?;
         // A sky is seen along the ray.
         let value = self.from_ray(code, &ray.direction, &[node]).remove(0);
@@ -766,7 +787,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct("Traced", names.collect());
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        Traced { function, fields }
+        Traced { function, fields, random: None }
     }
 }
 
