@@ -27,7 +27,12 @@ pub(super) fn run(format: Format, arguments: &Render) -> Result<Exit, Trouble> {
         OutputKind::Edge,
     ];
     let options = arguments.schedule.apply(compiler::Options { outputs, size: arguments.size, ..Default::default() });
-    let mut session = Session::open(&arguments.scene, &text, &loader, Settings { options, engine, adapter, seed: arguments.schedule.seed })?;
+    let mut session = Session::open(
+        &arguments.scene,
+        &text,
+        &loader,
+        Settings { options, engine, adapter, seed: arguments.schedule.seed },
+    )?;
     let (params, mut found) = session.params(&arguments.set)?;
     found.0.splice(0..0, session.warnings().0.iter().cloned());
     if format == Format::Human {
@@ -134,7 +139,11 @@ fn frame(
     let drawing = session.draw(params, time, &|share| bar.set_position((share * 1000.0) as u64));
     bar.finish_and_clear();
     let drawing = drawing?;
-    let measured = if arguments.no_check || drawing.faults.has_errors() || session.engine() == "reference" || session.is_random() {
+    let measured = if arguments.no_check
+        || drawing.faults.has_errors()
+        || session.engine() == "reference"
+        || session.is_random()
+    {
         None
     } else {
         let bar = progress(format, "comparing with the reference");

@@ -48,6 +48,7 @@ impl KernelBuilder {
             FrameValue::Paths => ("paths", 1, true),
             FrameValue::FirstPath => ("first_path", 1, true),
             FrameValue::Seed => ("seed", 1, true),
+            FrameValue::Rounds => ("rounds", 1, true),
             FrameValue::PixelScale => ("pixel_scale", 1, false),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))

@@ -53,6 +53,10 @@ pub struct Fault {
 }
 
 impl Fault {
+    /// What a kernel writes when the driver ended one of its loops early: some (llvmpipe among them) end all loops of an
+    /// invocation after 65535 rounds in all, and say nothing.
+    pub const CUT_SHORT: u32 = u32::MAX;
+
     /// The number a kernel writes: 1 + medium·8 + field·2 + not_finite, with fields k_a, k_s, k_e, k_t in this order.
     #[must_use]
     pub fn code(&self) -> u32 {
@@ -126,6 +130,8 @@ pub enum FrameValue {
     FirstPath,
     /// u32: `--seed`
     Seed,
+    /// u32: 2, which no compiler knows: a loop of so many rounds shows whether the driver still lets loops go on
+    Rounds,
     /// f32: how many pixels of the picture one unit of u spans (height/2)
     PixelScale,
 }

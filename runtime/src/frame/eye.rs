@@ -4,8 +4,8 @@ use super::bounds::Ball;
 use super::vector::{along, dot, length, scale, sub};
 use super::{Camera, Vec3, View};
 use compiler::analysis::range::{Known, Range, ranges_of};
-use compiler::ir::{FieldScene, Graph};
 use compiler::ir::eval::evaluate_frame;
+use compiler::ir::{FieldScene, Graph};
 
 /// An eye or a ray's origin farther from the scene than this many of its radii is moved near it.
 const FAR: f64 = 16.0;

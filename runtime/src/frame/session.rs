@@ -7,10 +7,10 @@ use crate::data::Volume;
 use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile};
 use crate::engine::reference::{self, Reference};
 use crate::image::Picture;
+use compiler::analysis::range::Range;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::Voxels;
 use compiler::ir::{Aa, FieldScene, GridId};
-use compiler::analysis::range::Range;
 use compiler::program::{OutputKind, Plan, Program, StepRule, UniformSource};
 use compiler::source::Sources;
 use std::sync::Arc;
@@ -359,7 +359,9 @@ impl Session {
             white: if camera.is_some() { super::white(scene, &params.0, time) } else { 0.0 },
             steps: match plan.steps {
                 StepRule::Fixed(n) => n,
-                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => self.options.steps.or(scene.render.steps).unwrap_or(0),
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
+                    self.options.steps.or(scene.render.steps).unwrap_or(0)
+                }
             },
             max_work: scene.render.max_work,
             eye: camera.map_or(none, |c| Eye::new(c, bounds)),

@@ -29,6 +29,8 @@ pub(super) struct InScattered {
     pub(super) error: Option<u32>,
     /// Field of the number of evaluations.
     pub(super) work: Option<u32>,
+    /// Field that tells which lights are not behind a surface: 2ⁱ for each.
+    pub(super) visible: Option<u32>,
 }
 
 impl InScattered {
@@ -59,6 +61,8 @@ pub(super) struct LightSample {
     pub(super) irradiance: Expr,
     /// For an environment: whether the sample has an even number.
     even: Option<Expr>,
+    /// The number of its light, if this is all of it: then a surface cuts it off sharply.
+    sharp: Option<u32>,
 }
 
 /// Who gathers light.
@@ -69,6 +73,8 @@ pub(super) enum Receiver<'r> {
     Surface { normal: &'r Expr },
     /// A vertex of a path, which takes one sample of each light at random, and none of the environment.
     Path { rng: LocalId },
+    /// Asks for lights that shine from one place alone.
+    Sharp,
 }
 
 /// The sums of a gathering function.
@@ -78,6 +84,7 @@ struct Gathered {
     alternating: Option<LocalId>,
     error: Option<LocalId>,
     work: Option<LocalId>,
+    visible: Option<LocalId>,
 }
 
 impl Tracer<'_> {
@@ -85,7 +92,9 @@ impl Tracer<'_> {
     fn count(&self, per_accuracy: f64, least: u32, most: u32) -> u32 {
         match self.rule {
             StepRule::Adaptive(a) => ((per_accuracy / a).ceil() as u32).clamp(least, most),
-            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => ((100.0 * per_accuracy).ceil() as u32).clamp(least, most),
+            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => {
+                ((100.0 * per_accuracy).ceil() as u32).clamp(least, most)
+            }
         }
     }
 
@@ -126,7 +135,7 @@ impl Tracer<'_> {
         each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
     ) {
         let lw = self.scene.light_width;
-        for light in self.scene.lights.clone() {
+        for (number, light) in (0u32..).zip(self.scene.lights.clone()) {
             let name = light.name.clone();
             match light.kind {
                 LightKind::Directional { direction, irradiance, angular_diameter } => {
@@ -135,10 +144,14 @@ impl Tracer<'_> {
                     let e = widen(e, self.graph.width(irradiance), lw);
                     let to = code.bind(&format!("to_{name}"), Ty::VEC3, -travel);
                     let Some(diameter) = angular_diameter else {
-                        each(self, code, &LightSample { to, limit: Expr::F32(FAR), irradiance: e, even: None });
+                        let (limit, sharp) = (Expr::F32(FAR), Some(number));
+                        each(self, code, &LightSample { to, limit, irradiance: e, even: None, sharp });
                         continue;
                     };
                     let diameter = self.builder.value(self.graph, diameter, &format!("{name}_angular_diameter"));
+                    if let Receiver::Sharp = receiver {
+                        continue;
+                    }
                     if let Receiver::Path { rng } = receiver {
                         self.disc_point(code, &to, e, &(diameter * 0.5), *rng, each);
                     } else {
@@ -164,11 +177,12 @@ impl Tracer<'_> {
                     let to = code.bind(&format!("to_{name}"), Ty::VEC3, to);
                     let e = i / near.clone().splat(lw) / near.splat(lw);
                     let e = code.bind("irradiance", Ty::float(lw), e.min(Expr::F32(1e30).splat(lw)));
-                    each(self, code, &LightSample { to, limit: distance, irradiance: e, even: None });
+                    let sharp = Some(number);
+                    each(self, code, &LightSample { to, limit: distance, irradiance: e, even: None, sharp });
                 }
             }
         }
-        if self.scene.environment && !matches!(receiver, Receiver::Path { .. }) {
+        if self.scene.environment && matches!(receiver, Receiver::Medium { .. } | Receiver::Surface { .. }) {
             self.environment(code, receiver, each);
         }
     }
@@ -198,7 +212,7 @@ impl Tracer<'_> {
         let mu = code.bind("mu", Ty::F32, mu);
         let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
         let sample = Self::around(code, to, &frame, &mu, turns);
-        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None });
+        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None, sharp: None });
         code.add(i, 1.0);
         let block = code.close();
         code.push_loop(block);
@@ -225,7 +239,7 @@ impl Tracer<'_> {
         let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - cap * u);
         let turns = random.draw(code, rng);
         let sample = Self::around(code, to, &frame, &mu, turns);
-        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None });
+        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None, sharp: None });
     }
 
     fn environment(
@@ -240,7 +254,7 @@ impl Tracer<'_> {
         let axis = match receiver {
             Receiver::Medium { direction, .. } => (*direction).clone(),
             Receiver::Surface { normal } => (*normal).clone(),
-            Receiver::Path { .. } => return,
+            Receiver::Path { .. } | Receiver::Sharp => return,
         };
         let frame = Self::across(code, &axis);
         let i = code.var("sample", Ty::F32, 0.0);
@@ -249,7 +263,7 @@ impl Tracer<'_> {
         let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
         // The cosine from the axis, and the solid angle that the sample stands for.
         let (mu, solid) = match receiver {
-            Receiver::Surface { .. } | Receiver::Path { .. } => {
+            Receiver::Surface { .. } | Receiver::Path { .. } | Receiver::Sharp => {
                 let mu = code.bind("mu", Ty::F32, (Expr::F32(1.0) - u).max(0.0).sqrt());
                 (mu.clone(), Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
             }
@@ -276,7 +290,7 @@ impl Tracer<'_> {
         let e = code.bind("irradiance", Ty::float(lw), e);
         let half = Expr::Local(i) * 0.5;
         let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
-        each(self, code, &LightSample { to, limit: Expr::F32(FAR), irradiance: e, even: Some(even) });
+        each(self, code, &LightSample { to, limit: Expr::F32(FAR), irradiance: e, even: Some(even), sharp: None });
         code.add(i, 1.0);
         let block = code.close();
         code.push_loop(block);
@@ -292,14 +306,16 @@ impl Tracer<'_> {
         let parts: Vec<Expr> = parts.collect();
         let most = parts.iter().map(|p| largest(p.clone(), lw)).reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         let most = code.bind("most", Ty::F32, most);
-        let mut worth = most.clone().greater(0.0);
+        let worth = most.clone().greater(0.0);
         code.open();
         if let Some(nearest) = self.nearest {
             let arguments = vec![p.clone(), sample.to.clone(), Expr::F32(0.0), sample.limit.clone()];
             let hit = Expr::Call(nearest.function, arguments).field(0);
-            worth = worth.clone();
             let blocked = code.bind("blocked", Ty::BOOL, hit.less(sample.limit.clone()));
             code.open();
+            if let (Some(visible), Some(number)) = (into.visible, sample.sharp) {
+                code.add(visible, 2f64.powi(number.min(20) as i32));
+            }
             self.gather_clear(code, p, sample, &parts, &most, into, (dw, lw));
             let clear = code.close();
             code.push_if(!blocked, clear);
@@ -366,6 +382,7 @@ impl Tracer<'_> {
             error: (alternating || (wants_error && shadow.is_some_and(|s| s.error.is_some())))
                 .then(|| code.var("error", Ty::F32, 0.0)),
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
+            visible: None,
         }
     }
 
@@ -377,17 +394,21 @@ impl Tracer<'_> {
             code.add(error, Expr::Local(alternating).abs() * 0.25);
         }
         let count = values.len() as u32;
-        let extra = [gathered.error.map(|e| ("error", e)), gathered.work.map(|w| ("work", w))];
+        let extra = [
+            gathered.error.map(|e| ("error", e)),
+            gathered.work.map(|w| ("work", w)),
+            gathered.visible.map(|v| ("visible", v)),
+        ];
         let many = count > 1 || extra.iter().any(Option::is_some);
         if !many {
             let result = Ty::float(lw);
             code.return_(values.into_iter().next().unwrap_or(Expr::F32(0.0)));
             let function = self.builder.add_function(code.finish(Some(result)));
-            return InScattered { function, result, many, error: None, work: None };
+            return InScattered { function, result, many, error: None, work: None, visible: None };
         }
         let mut fields: Vec<(String, Ty)> = (0..count).map(|i| (format!("light_{i}"), Ty::float(lw))).collect();
         let mut values = values;
-        let mut place = [None, None];
+        let mut place = [None, None, None];
         for (slot, extra) in place.iter_mut().zip(extra) {
             if let Some((name, var)) = extra {
                 *slot = Some(fields.len() as u32);
@@ -398,7 +419,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct(name, fields);
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        InScattered { function, result, many, error: place[0], work: place[1] }
+        InScattered { function, result, many, error: place[0], work: place[1], visible: place[2] }
     }
 
     /// Writes `in_scattered`, if some medium scatters light of some light.
@@ -411,7 +432,10 @@ impl Tracer<'_> {
         let mut code = Code::new("in_scattered", None);
         let p = code.parameter("p", Ty::VEC3);
         let direction = code.parameter("direction", Ty::VEC3);
-        let gathered = self.declare_sums(&mut code, functions.len());
+        let mut gathered = self.declare_sums(&mut code, functions.len());
+        if self.nearest.is_some() && !self.scene.lights.is_empty() && matches!(self.rule, StepRule::Adaptive(_)) {
+            gathered.visible = Some(code.var("visible", Ty::F32, 0.0));
+        }
         let means = self.scene.phases.iter().map(|f| f.mean_cosine);
         let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });
         let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-0.98, 0.98));
@@ -439,6 +463,26 @@ impl Tracer<'_> {
         }
         let values = gathered.sums.iter().map(|s| Expr::Local(*s)).collect();
         Some(self.return_sums(code, "InScattered", &gathered, values))
+    }
+
+    /// Writes `visible(p)`: which lights that shine from one place are not behind a surface, 2ⁱ for each.
+    pub(super) fn write_visible(&mut self) -> Option<FunctionId> {
+        let nearest = self.nearest?;
+        self.in_scattered.as_ref()?.visible?;
+        let mut code = Code::new("visible", None);
+        let p = code.parameter("p", Ty::VEC3);
+        let sum = code.var("visible", Ty::F32, 0.0);
+        // An environment and discs are cut off softly.
+        let receiver = Receiver::Sharp;
+        self.samples(&mut code, &p, &receiver, &mut |_, code, sample| {
+            let Some(number) = sample.sharp else { return };
+            let arguments = vec![p.clone(), sample.to.clone(), Expr::F32(0.0), sample.limit.clone()];
+            let hit = Expr::Call(nearest.function, arguments).field(0);
+            let clear = hit.greater_equal(sample.limit.clone());
+            code.add(sum, clear.select(2f64.powi(number.min(20) as i32), 0.0));
+        });
+        code.return_(sum.into());
+        Some(self.builder.add_function(code.finish(Some(Ty::F32))))
     }
 
     /// Writes `reflected(p, normal, sheet)`: albedo · E / π of the surface that was hit.

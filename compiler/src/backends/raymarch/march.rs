@@ -6,7 +6,7 @@ use super::trace::{Medium, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::analysis::feature::feature_length;
 use crate::fields::Code;
 use crate::ir::{LightKind, NodeId};
-use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};
+use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
 use crate::program::{FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
@@ -118,6 +118,8 @@ impl Tracer<'_> {
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
         let h = code.var("h", Ty::F32, longest.clone());
+        let sharp = self.visible.filter(|_| matches!(self.walk, Walk::Eye));
+        let before = sharp.map(|f| code.var("visible_before", Ty::F32, Expr::Call(f, vec![ray.at(a.clone())])));
         code.open();
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
@@ -134,7 +136,11 @@ impl Tracer<'_> {
         let step = code.bind("step", Ty::F32, last.clone().select(rest, reachable));
         let whole = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.5, "mid");
         let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
-        let second = self.sample(code, ray, state, media, from + step.clone() * 0.75, "second");
+        let second = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.75, "second");
+        let after = sharp.map(|f| {
+            let end = ray.at(from + step.clone());
+            code.bind("visible_after", Ty::F32, Expr::Call(f, vec![end]))
+        });
         if let Some(work) = state.work {
             code.add(work, 3u32);
         }
@@ -143,7 +149,18 @@ impl Tracer<'_> {
         let (x_first, light_first) = self.step(code, &first, &half, "_first");
         let (x_second, light_second) = self.step(code, &second, &half, "_second");
         let x = match (&x_first, &x_second) {
-            (Some(a), Some(b)) => Some(code.bind("x", Ty::float(dw), a.clone() + b.clone())),
+            (Some(a), Some(b)) => {
+                let halves = a.clone() + b.clone();
+                // A column alone is extrapolated (Richardson): the leading errors of both estimates cancel.
+                let sum = match (&self.walk, &x_whole) {
+                    (Walk::Shadow { .. }, Some(whole)) => {
+                        let better = halves.clone() + (halves - whole.clone()) * Expr::F32(1.0 / 3.0).splat(dw);
+                        better.max(Expr::F32(0.0).splat(dw))
+                    }
+                    (Walk::Eye | Walk::Shadow { .. } | Walk::Path(_) | Walk::Ratio(_), _) => halves,
+                };
+                Some(code.bind("x", Ty::float(dw), sum))
+            }
             _ => None,
         };
         let front = state.depth.map(|d| code.bind("front", Ty::float(dw), (-Expr::Local(d)).exp()));
@@ -172,7 +189,13 @@ impl Tracer<'_> {
             }
         }
         if let (Some(x), Some(whole), Some(front)) = (&x, x_whole, &front) {
-            let off = code.bind("depth_off", Ty::float(dw), (x.clone() - whole.clone()).abs());
+            let off = (x.clone() - whole.clone()).abs();
+            let off = match self.walk {
+                // What is left after extrapolation is less than a quarter of the difference on anything smooth.
+                Walk::Shadow { .. } => off * Expr::F32(0.25).splat(dw),
+                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => off,
+            };
+            let off = code.bind("depth_off", Ty::float(dw), off);
             // Through the thinner of the two estimates, what lies behind is seen.
             let through = front.clone() * (-x.clone().min(whole)).exp();
             let seen = through.clone() * off.clone().min(Expr::F32(1.0).splat(dw));
@@ -205,6 +228,19 @@ impl Tracer<'_> {
             let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
             pending.push((error, seen * (first + second) * half));
         }
+        if let (Some(before), Some(after), Some(first), Some(second)) =
+            (before, &after, &first.visible, &second.visible)
+        {
+            // The edge of a shadow before the first sample or after the last is not felt by the difference of the two estimates:
+            // such a step must be short in itself.
+            let differs = |a: Expr, b: Expr| {
+                let known = a.clone().greater_equal(0.0).and(b.clone().greater_equal(0.0));
+                known.and(Expr::binary(BinaryOp::NotEqual, a, b))
+            };
+            let cut = differs(before.into(), first.clone()).or(differs(second.clone(), after.clone()));
+            let much = step.clone() / (length.clone() * (accuracy.clone() * (0.5 * SHARE))).max(1e-37);
+            wrong.push(cut.select(much.clone() * much, 0.0));
+        }
         let wrong = wrong.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         let wrong = code.bind("excess", Ty::F32, wrong);
         let spent = match state.work {
@@ -229,6 +265,9 @@ impl Tracer<'_> {
             code.add(error, amount);
         }
         code.add(s, step);
+        if let (Some(before), Some(after)) = (before, after) {
+            code.set(before, after);
+        }
         code.break_if(last);
         self.early_exit(code, state);
         let taken = code.close();

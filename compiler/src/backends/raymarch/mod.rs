@@ -81,6 +81,7 @@ pub(super) fn build(
         nearest: None,
         shadow: None,
         in_scattered: None,
+        visible: None,
         random: None,
         transmitted: None,
     };
@@ -139,7 +140,10 @@ pub(super) fn build(
 fn multiple(scene: &FieldScene, seen: &matter::Scene) -> bool {
     let light = seen.is_lit() || seen.glows();
     let scatters = !seen.sheets.is_empty() || scene.media.iter().any(|m| !crate::passes::is_zero(&scene.graph, m.k_s));
-    scene.render.scattering == Scattering::Multiple && scene.render.composite == Composite::Radiance && light && scatters
+    scene.render.scattering == Scattering::Multiple
+        && scene.render.composite == Composite::Radiance
+        && light
+        && scatters
 }
 
 /// A ray that never leaves a medium needs a closed form to infinity.
@@ -450,9 +454,8 @@ fn path_list_entry(
     let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
     let count = builder.frame(FrameValue::RayCount);
     code.if_(index.clone().greater_equal(count), Code::return_nothing);
-    let values = path_loop(builder, &mut code, traced, index.clone(), &mut |builder, code, _| {
-        rays::list(builder, code, &index)
-    });
+    let values =
+        path_loop(builder, &mut code, traced, index.clone(), &mut |builder, code, _| rays::list(builder, code, &index));
     store(builder, &mut code, &widths(traced), &values, &index, stride);
     code.finish(None)
 }

@@ -13,7 +13,7 @@ use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer,
 use crate::fields::{Code, PhaseFunction, Writer, phase_function};
 use crate::ir::{Input, Tier};
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
-use crate::program::{FrameValue, Ledger, OutputKind};
+use crate::program::{Fault, FrameValue, Ledger, OutputKind};
 use std::f64::consts::PI;
 
 /// Share of the directions that are drawn evenly, so that no weight is without bound.
@@ -114,7 +114,8 @@ impl Tracer<'_> {
         let phases = self.phase_functions();
         let (dw, lw) = (scene.depth_width, scene.light_width);
         let mut code = Code::new("path", None);
-        let first = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
+        let first =
+            Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
         let start = code.parameter("start", Ty::F32);
         let seed = code.parameter("seed", Ty::U32);
         let zero = |width: u8| Expr::F32(0.0).splat(width);
@@ -132,10 +133,7 @@ impl Tracer<'_> {
         let bounces = code.var("bounces", Ty::U32, 0u32);
         let error = code.var("cut_off", Ty::F32, 0.0);
         code.open();
-        let ray = Ray {
-            origin: code.bind("o", Ty::VEC3, origin),
-            direction: code.bind("d", Ty::VEC3, direction),
-        };
+        let ray = Ray { origin: code.bind("o", Ty::VEC3, origin), direction: code.bind("d", Ty::VEC3, direction) };
         let flight = Flight {
             rng,
             hero: hero.clone(),
@@ -233,8 +231,10 @@ impl Tracer<'_> {
     ) {
         let Some(random) = self.random else { return };
         let Segment { ray, a, b, .. } = segment;
-        let (open, closed): (Vec<&Medium<'_>>, Vec<&Medium<'_>>) =
-            media.iter().filter(|m| m.matter.extinction.is_some() || m.matter.emission.is_some()).partition(|m| self.is_tracked(m.matter));
+        let (open, closed): (Vec<&Medium<'_>>, Vec<&Medium<'_>>) = media
+            .iter()
+            .filter(|m| m.matter.extinction.is_some() || m.matter.emission.is_some())
+            .partition(|m| self.is_tracked(m.matter));
         let closed: Vec<&Medium<'_>> = closed.into_iter().filter(|m| m.matter.extinction.is_some()).collect();
         let stop = code.var("stop", Ty::F32, b.clone());
         let ends = code.var("collides", Ty::U32, 0u32);
@@ -317,7 +317,9 @@ impl Tracer<'_> {
             let t = code.bind("t_high", Ty::F32, a.clone() + Expr::Local(high));
             let depth = self.depth_between(code, ray, closed, a, &t, "depth_high").unwrap_or(Expr::F32(0.0));
             let reached = self.heroic(flight, &depth).greater_equal(target.clone());
-            code.break_if(reached.or(Expr::Local(high).greater_equal(b.clone() - a.clone())).or(Expr::Local(high).greater(1e30)));
+            code.break_if(
+                reached.or(Expr::Local(high).greater_equal(b.clone() - a.clone())).or(Expr::Local(high).greater(1e30)),
+            );
             code.set(low, high);
             code.set(high, (Expr::Local(high) * 2.0).min(b.clone() - a.clone()));
             let block = code.close();
@@ -482,7 +484,8 @@ impl Tracer<'_> {
         code.break_if(Expr::Local(t).greater_equal(b.clone()));
         let here = code.bind("t_here", Ty::F32, t);
         let (k_t, _) = self.tracked(code, ray, state, &open, &here);
-        let null = (Expr::F32(1.0).splat(dw) - Expr::Local(k_t) / sigma.clone().splat(dw)).max(Expr::F32(0.0).splat(dw));
+        let null =
+            (Expr::F32(1.0).splat(dw) - Expr::Local(k_t) / sigma.clone().splat(dw)).max(Expr::F32(0.0).splat(dw));
         let left = code.bind("left", Ty::float(dw), Expr::Local(ratio.weight) * null);
         code.set(ratio.weight, left.clone());
         let most = code.bind("most_left", Ty::F32, largest(left, dw));
@@ -817,7 +820,7 @@ impl Tracer<'_> {
     }
 
     fn finish_path(
-        self,
+        mut self,
         mut code: Code,
         ray: &Ray,
         start: &Expr,
@@ -849,6 +852,8 @@ impl Tracer<'_> {
                 if plain { value } else { value.field(0) }
             });
         }
+        let cut = self.cut_short(&mut code);
+        let cut = code.bind("cut", Ty::F32, cut.select(Expr::U32(Fault::CUT_SHORT), Expr::U32(0)).bitcast(Prim::F32));
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];
         for kind in self.wanted.clone() {
@@ -857,7 +862,11 @@ impl Tracer<'_> {
                 OutputKind::Transmittance => (dw, depth.clone().map_or(Expr::F32(1.0), |d| (-d).exp())),
                 OutputKind::OpticalDepth => (dw, depth.clone().unwrap_or(Expr::F32(0.0))),
                 OutputKind::Error => (1, Expr::Local(error)),
-                OutputKind::Evaluations | OutputKind::Fault | OutputKind::Edge => continue,
+                OutputKind::Fault => {
+                    let nowhere = || Expr::F32(0.0);
+                    (4, Expr::Compose(Ty::float(4), vec![cut.clone(), nowhere(), nowhere(), nowhere()]))
+                }
+                OutputKind::Evaluations | OutputKind::Edge => continue,
             };
             fields.push((kind, width));
             values.push(value);

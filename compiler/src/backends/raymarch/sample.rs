@@ -14,6 +14,8 @@ pub(super) struct Sampled {
     pub(super) source: Option<Expr>,
     /// What the latter may be wrong by, the largest over the bands.
     pub(super) source_error: Option<Expr>,
+    /// Which lights are not behind a surface; −1 where none was asked.
+    pub(super) visible: Option<Expr>,
 }
 
 /// Sums over the media that are here.
@@ -63,12 +65,12 @@ impl Tracer<'_> {
             let part = self.sample_one(code, ray, state, &media[0], &p, &t);
             let extinction = part.extinction.map(|e| code.bind(&format!("k_t_{tag}"), Ty::float(dw), e));
             let source = part.emission.map(|e| code.bind(&format!("k_e_{tag}"), Ty::float(lw), e));
-            return Sampled { extinction, source, source_error: None };
+            return Sampled { extinction, source, source_error: None, visible: None };
         }
         let sums = self.media_sums(code, ray, state, media, &t, tag, lights.is_some());
-        let mut source_error = None;
+        let (mut source_error, mut visible) = (None, None);
         if let (Some(lights), Some(source)) = (lights, sums.source) {
-            source_error = self.add_scattered(code, ray, state, &lights, &sums.scattering, source, &p, tag);
+            (source_error, visible) = self.add_scattered(code, ray, state, &lights, &sums.scattering, source, &p, tag);
         }
         let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
             var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
@@ -77,6 +79,7 @@ impl Tracer<'_> {
             extinction: bind(code, sums.extinction, "k_t", dw),
             source: bind(code, sums.source, "source", lw),
             source_error: source_error.map(Expr::Local),
+            visible: visible.map(Expr::Local),
         }
     }
 
@@ -133,12 +136,14 @@ impl Tracer<'_> {
         source: LocalId,
         p: &Expr,
         tag: &str,
-    ) -> Option<LocalId> {
+    ) -> (Option<LocalId>, Option<LocalId>) {
         let lw = self.source_width();
-        let most = scattering.iter().map(|k| largest(Expr::Local(*k), lw)).reduce(Expr::max)?;
+        let most = scattering.iter().map(|k| largest(Expr::Local(*k), lw)).reduce(Expr::max);
+        let most = most.unwrap_or(Expr::F32(0.0));
         let most = code.bind("k_s_most", Ty::F32, most);
         let error = lights.error.filter(|_| state.error.is_some());
         let error_var = error.map(|_| code.var(&format!("source_error_{tag}"), Ty::F32, 0.0));
+        let visible = lights.visible.map(|field| (field, code.var(&format!("visible_{tag}"), Ty::F32, -1.0)));
         code.open();
         let arguments = vec![p.clone(), ray.direction.clone()];
         let gathered = code.bind("in_scattered", lights.result, Expr::Call(lights.function, arguments));
@@ -148,12 +153,15 @@ impl Tracer<'_> {
         if let (Some(error), Some(var)) = (error, error_var) {
             code.set(var, most.clone() * gathered.clone().field(error));
         }
+        if let Some((field, var)) = visible {
+            code.set(var, gathered.clone().field(field));
+        }
         if let (Some(work), Some(field)) = (state.work, lights.work) {
             code.add(work, gathered.field(field).convert(Prim::U32));
         }
         let body = code.close();
         code.push_if(most.greater(0.0), body);
-        error_var
+        (error_var, visible.map(|v| v.1))
     }
 
     /// Components of what sends light from within the media.

@@ -17,7 +17,7 @@ use crate::analysis::feature::lipschitz;
 use crate::fields::{Code, FieldFunction, KernelBuilder, Writer, field_function};
 use crate::ir::{Composite, Graph, Input, NodeId, PrimitiveKind, Tier};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
-use crate::program::{Fault, Ledger, OutputKind, StepRule};
+use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
 
 /// What a traced ray returns, and where in the struct.
 pub(super) struct Traced {
@@ -109,6 +109,8 @@ pub(super) struct Tracer<'a> {
     pub(super) nearest: Option<Nearest>,
     pub(super) shadow: Option<Shadow>,
     pub(super) in_scattered: Option<InScattered>,
+    /// Which lights are seen from a point, where surfaces cast shadows.
+    pub(super) visible: Option<FunctionId>,
     /// Of paths.
     pub(super) random: Option<super::paths::Random>,
     /// `transmitted` of paths.
@@ -168,6 +170,7 @@ impl Tracer<'_> {
             self.shadow = self.write_shadow(&sdfs);
         }
         self.in_scattered = self.write_in_scattered(ledger);
+        self.visible = self.write_visible();
         let reflected = self.write_reflected();
         let mut code = Code::new("trace", None);
         let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
@@ -309,8 +312,9 @@ impl Tracer<'_> {
         let work =
             (steps && (adaptive || self.wants(OutputKind::Evaluations))).then(|| code.var("work", Ty::U32, 0u32));
         let checked = through && scene.matter.iter().any(|m| !m.checks.is_empty()) && self.wants(OutputKind::Fault);
-        let fault = checked.then(|| code.var("fault", Ty::U32, 0u32));
-        let fault_at = checked.then(|| code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3)));
+        let loops = self.has_loops();
+        let fault = (checked || loops).then(|| code.var("fault", Ty::U32, 0u32));
+        let fault_at = (checked || loops).then(|| code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3)));
         if !checked && through && !scene.matter.is_empty() {
             ledger.omit(
                 "check of coefficients",
@@ -320,6 +324,23 @@ impl Tracer<'_> {
         }
         let projected = (self.composite != Composite::Radiance).then(|| self.declare_projection(code));
         State { depth, radiance, error, work, fault, fault_at, projected }
+    }
+
+    /// Whether a ray can take many rounds of loops.
+    fn has_loops(&self) -> bool {
+        self.wants(OutputKind::Fault) && (!matches!(self.rule, StepRule::Closed) || self.scene.is_lit())
+    }
+
+    /// Whether the driver has ended loops by now: then a loop of two rounds ends after one.
+    pub(super) fn cut_short(&mut self, code: &mut Code) -> Expr {
+        let rounds = self.builder.frame(FrameValue::Rounds);
+        let done = code.var("rounds_done", Ty::U32, 0u32);
+        code.open();
+        code.add(done, 1u32);
+        code.break_if(Expr::Local(done).greater_equal(rounds.clone()));
+        let block = code.close();
+        code.push_loop(block);
+        Expr::Local(done).less(rounds)
     }
 
     fn primitive_names(&self) -> Vec<String> {
@@ -736,6 +757,10 @@ impl Tracer<'_> {
             let background = self.background(&mut code, ray);
             let background = background.unwrap_or_else(|| Expr::F32(0.0).splat(lw));
             shown = Some(self.projected_light(&mut code, ray, projected, background));
+        }
+        if let (Some(fault), true) = (state.fault, self.has_loops()) {
+            let cut = self.cut_short(&mut code);
+            code.if_(cut, |code| code.set(fault, Fault::CUT_SHORT));
         }
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];

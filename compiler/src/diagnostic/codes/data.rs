@@ -184,6 +184,21 @@ orthographic picture must be positive. Look at the params that the camera uses.
 ",
     },
     CodeInfo {
+        code: "E0655",
+        title: "no upper bound is known of a coefficient",
+        explanation: "Light that is scattered more than once is followed along random paths. Where a medium has no closed form, \
+collisions are found by a bound that its coefficient never exceeds (a majorant), worked out by interval arithmetic from \
+the scene, the values of its params and the voxels of its grids. A field without a bound, such as `1/length(p)`, must be clamped:\n\n\
+```\nmedium glow { shape = sphere(center: (0,0,0) m, radius: 1 m)  k_s = min(100, 1 m / length(p)) /m }\n```",
+    },
+    CodeInfo {
+        code: "E0656",
+        title: "the graphics driver ended loops early",
+        explanation: "Some drivers, software ones above all, end every loop of a shader once 65535 rounds have been taken in all, and \
+report nothing. A kernel notices it at its end, and the picture is refused where that happened. Ask for less: a larger \
+`accuracy`, fewer `steps`, a simpler field; or let the processor draw with `--engine cpu`.",
+    },
+    CodeInfo {
         code: "E0654",
         title: "a ray or the values of params do not fit",
         explanation: "\

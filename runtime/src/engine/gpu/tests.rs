@@ -106,7 +106,21 @@ fn field(name: &str, offset: u32, width: u8, integer: bool, source: UniformSourc
 
 fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
     let eye = Eye { anchor: [1.0, 2.0, 3.0], forward: [0.0, 0.0, 1.0], right: [4.0; 3], up: [5.0; 3], plane: 6.0 };
-    Frame { params, time: 0.0, size, accuracy: 1e-3, white: 0.5, steps: 7, max_work: 9, eye, paths: 0, first_path: 0, seed: 0, bounds: None, grids: vec![] }
+    Frame {
+        params,
+        time: 0.0,
+        size,
+        accuracy: 1e-3,
+        white: 0.5,
+        steps: 7,
+        max_work: 9,
+        eye,
+        paths: 0,
+        first_path: 0,
+        seed: 0,
+        bounds: None,
+        grids: vec![],
+    }
 }
 
 /// Draws into one picture of records.

@@ -97,6 +97,7 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::Paths => vec![f64::from(frame.paths)],
         FrameValue::FirstPath => vec![f64::from(frame.first_path)],
         FrameValue::Seed => vec![f64::from(frame.seed)],
+        FrameValue::Rounds => vec![2.0],
         FrameValue::PixelScale => vec![f64::from(frame.size[1]) / 2.0],
     })
 }
@@ -119,6 +120,7 @@ fn of_part(value: FrameValue, part: Part) -> Vec<f64> {
         | FrameValue::Paths
         | FrameValue::FirstPath
         | FrameValue::Seed
+        | FrameValue::Rounds
         | FrameValue::PixelScale => vec![],
     }
 }
