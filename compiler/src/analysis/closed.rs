@@ -17,6 +17,9 @@ pub struct ExponentialTerm {
     pub offset: Option<NodeId>,
 }
 
+/// Factors of a product that are looked at to cancel them.
+const MAX_FACTORS: usize = 256;
+
 type Push<'a> = &'a mut dyn FnMut(&mut Graph, Op) -> NodeId;
 
 fn mul(graph: &mut Graph, push: Push<'_>, a: NodeId, b: NodeId) -> NodeId {
@@ -92,39 +95,35 @@ pub fn exponential_sum(graph: &mut Graph, push: Push<'_>, node: NodeId, limit: u
     (terms.len() <= limit).then_some(terms)
 }
 
-/// A product's factors, with divisors apart; splats are looked through.
-fn factors(graph: &Graph, node: NodeId, inverse: bool, out: &mut Vec<(NodeId, bool)>) {
-    match *graph.op(node) {
-        Op::Splat(a, _) => factors(graph, a, inverse, out),
-        Op::Binary(Binary::Mul, a, b) => {
-            factors(graph, a, inverse, out);
-            factors(graph, b, inverse, out);
+/// A product's factors, each with whether it divides, and whether the product is the negative of theirs; splats are
+/// looked through. Beyond [`MAX_FACTORS`] the product is its own only factor.
+fn factors(graph: &Graph, product: NodeId) -> (bool, Vec<(NodeId, bool)>) {
+    let (mut negative, mut out) = (false, vec![]);
+    let mut stack = vec![(product, false)];
+    while let Some((node, inverse)) = stack.pop() {
+        match *graph.op(node) {
+            Op::Splat(a, _) => stack.push((a, inverse)),
+            Op::Binary(Binary::Mul, a, b) => stack.extend([(b, inverse), (a, inverse)]),
+            Op::Binary(Binary::Div, a, b) => stack.extend([(b, !inverse), (a, inverse)]),
+            Op::Unary(Unary::Neg, a) => {
+                negative = !negative;
+                stack.push((a, inverse));
+            }
+            _ => out.push((node, inverse)),
         }
-        Op::Binary(Binary::Div, a, b) => {
-            factors(graph, a, inverse, out);
-            factors(graph, b, !inverse, out);
+        if out.len() + stack.len() > MAX_FACTORS {
+            return (false, vec![(product, false)]);
         }
-        Op::Unary(Unary::Neg, a) => factors(graph, a, inverse, out),
-        _ => out.push((node, inverse)),
     }
+    (negative, out)
 }
 
 /// `numerator / denominator` with the factors that both have cancelled: the source function k_e/k_t of a medium whose
-/// density scales both. `None` when nothing varying is left only because nothing cancelled.
+/// density scales both.
 pub fn ratio(graph: &mut Graph, push: Push<'_>, numerator: NodeId, denominator: NodeId) -> NodeId {
-    let (mut top, mut bottom) = (vec![], vec![]);
-    factors(graph, numerator, false, &mut top);
-    factors(graph, denominator, false, &mut bottom);
-    let negative = |graph: &Graph, node: NodeId| {
-        let mut sign = false;
-        let mut n = node;
-        while let Op::Unary(Unary::Neg, a) | Op::Splat(a, _) = *graph.op(n) {
-            sign ^= matches!(graph.op(n), Op::Unary(Unary::Neg, _));
-            n = a;
-        }
-        sign
-    };
-    let flip = negative(graph, numerator) != negative(graph, denominator);
+    let (flip_top, mut top) = factors(graph, numerator);
+    let (flip_bottom, bottom) = factors(graph, denominator);
+    let flip = flip_top != flip_bottom;
     for (node, inverse) in bottom {
         if let Some(i) = top.iter().position(|(n, inv)| *n == node && *inv == inverse) {
             top.remove(i);
