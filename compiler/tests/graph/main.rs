@@ -1,5 +1,6 @@
 //! The field graph and its f64 evaluator against definitions written out here a second time.
 
+mod closed;
 mod derive;
 mod grid;
 mod hash;
