@@ -2,6 +2,7 @@
 
 mod closed;
 mod derive;
+mod feature;
 mod grid;
 mod hash;
 mod loops;
