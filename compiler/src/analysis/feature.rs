@@ -5,7 +5,7 @@
 use super::range::{Range, ranges};
 use crate::ir::{Binary, Fold, Graph, Input, NodeId, Op, Unary};
 
-/// Bounds on the change of each node with position, in 1/unit of length (Euclidean, per component the largest).
+/// Bounds on the change of each node with position, in 1/unit of length: of a vector, the Euclidean length of the change.
 /// Infinite where no bound is known, 0 where the node does not vary.
 #[must_use]
 pub fn lipschitz(graph: &Graph) -> Vec<f64> {
@@ -128,7 +128,9 @@ fn steepness_within(graph: &Graph, ranges: &[Range]) -> Vec<f64> {
                     let least = if range(y).low > 0.0 { range(y).low } else { (-range(y).high).max(0.0) };
                     times(get(x), 1.0 / least) + times(times(get(y), magnitude(x)), 1.0 / (least * least))
                 }
-                Binary::Min | Binary::Max => get(x).max(get(y)),
+                Binary::Min | Binary::Max if graph.width(x) == 1 => get(x).max(get(y)),
+                // Some components may be the one's, some the other's.
+                Binary::Min | Binary::Max => get(x).hypot(get(y)),
                 Binary::Pow | Binary::Atan2 | Binary::Mod => times(get(x) + get(y), f64::INFINITY),
                 Binary::And | Binary::Or => times(get(x) + get(y), f64::INFINITY),
             },
@@ -136,7 +138,9 @@ fn steepness_within(graph: &Graph, ranges: &[Range]) -> Vec<f64> {
             Op::Compare(_, a, b) => times(get(a) + get(b), f64::INFINITY),
             Op::Select { condition, accept, reject } => get(condition) + get(accept).max(get(reject)),
             Op::Compose(parts, width) => parts[..width as usize].iter().map(|p| get(*p).powi(2)).sum::<f64>().sqrt(),
-            Op::Splat(a, _) | Op::Extract(a, _) => get(a),
+            // A vector's bound is that of its Euclidean length.
+            Op::Splat(a, width) => get(a) * f64::from(width).sqrt(),
+            Op::Extract(a, _) => get(a),
             Op::Dot(a, b) => match (graph.constant(a), graph.constant(b)) {
                 (Some(c), _) => times(get(b), norm(c.values())),
                 (_, Some(c)) => times(get(a), norm(c.values())),
