@@ -28,9 +28,10 @@ mod light;
 mod print;
 mod scene;
 mod schedule;
+mod tier;
 mod verify;
 
-pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId, Tier};
+pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId};
 pub use light::{Light, LightKind, MeshId, MeshInfo, Surface, SurfaceShape};
 pub use print::print;
 pub use scene::{
@@ -38,6 +39,7 @@ pub use scene::{
     Primitive, PrimitiveKind, Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
 };
 pub use schedule::{Step, free_variables, schedule, schedule_with};
+pub use tier::{Tier, Tiers};
 pub use verify::verify;
 
 /// Identifies a declared grid.
