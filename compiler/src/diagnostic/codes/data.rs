@@ -1,4 +1,4 @@
-//! E06xx: data files and run time. 01 to 19 are volume files, 20 to 29 pictures; engines take 30 and up.
+//! E06xx: data files and run time. 01 to 10 are volume files, 11 to 19 meshes, 20 to 29 pictures; engines take 30 and up.
 
 use super::CodeInfo;
 
@@ -105,6 +105,56 @@ Write the file again as one with gzip: `unu save -f nrrd -e gzip -i in.nrrd -o o
         explanation: "\
 The compressed stream is damaged (its checksum or its structure is wrong), or text among the voxels is no number that
 fits their type, such as `300` in a grid of 8-bit numbers. Copy the file again.
+",
+    },
+    CodeInfo {
+        code: "E0611",
+        title: "the kind of a mesh file is not known",
+        explanation: "\
+Triangles are read from Wavefront OBJ (`.obj`) and from PLY (`.ply`, as text or binary). A PLY file is known by its first
+word, an OBJ file by its ending and by its corners (`v`) and faces (`f`). Convert STL, glTF, FBX and others in the program
+that made them, or with Blender or MeshLab. Coordinates are metres.
+",
+    },
+    CodeInfo {
+        code: "E0612",
+        title: "a mesh file is broken",
+        explanation: "\
+The file does not keep to its format: a line that is no part of it, a word where a number belongs, a face of fewer than
+three corners, or corners without `x`, `y` and `z`. The message names the line or the element. Export the file again.
+",
+    },
+    CodeInfo {
+        code: "E0613",
+        title: "a mesh file holds less than its header promises",
+        explanation: "\
+The header of a PLY file says how many corners and faces follow; fewer do. The file was cut off by an interrupted copy or
+download, or its header was edited. Nothing is drawn from part of a mesh.
+",
+    },
+    CodeInfo {
+        code: "E0614",
+        title: "a face names a corner that does not exist",
+        explanation: "\
+Faces name their corners by number: in OBJ from 1, or from −1 backwards, in PLY from 0. The number in the message is
+outside of what the file has. Files put together from several by hand are a usual cause: the numbers of the second part
+must be raised by the corners of the first.
+",
+    },
+    CodeInfo {
+        code: "E0615",
+        title: "a mesh has no triangle that could be seen",
+        explanation: "\
+The file has corners but no faces, or all of its triangles have no area or a corner that is not finite. Clouds of points,
+lines, free-form curves and triangle strips are not read: export polygons.
+",
+    },
+    CodeInfo {
+        code: "E0616",
+        title: "a mesh is too large",
+        explanation: "\
+Meshes of up to 2^26 (67 million) triangles are read. Reduce the mesh first, for example with the decimation of Blender or
+MeshLab.
 ",
     },
     CodeInfo {
@@ -237,6 +287,15 @@ negative, however: put a transfer function or `max(0, …)` between the grid and
         explanation: "\
 NRRD headers name units as free text. km, m, cm, mm, um and nm are known, in their usual spellings; anything else is
 taken for millimetres, and so is a missing unit, silently.
+",
+    },
+    CodeInfo {
+        code: "W0605",
+        title: "triangles were left out",
+        explanation: "\
+Triangles whose corners lie on one line have no area and cannot be seen; those with a corner that is NaN or infinite (or
+does not fit 32-bit floating point) have no place. Both are left out. The message counts them and gives the first. Exact
+duplicates of corners after an export are the usual cause and harmless.
 ",
     },
 ];
