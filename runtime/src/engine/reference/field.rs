@@ -1,13 +1,17 @@
 //! Fields of one frame as tapes, evaluated at eight points of a ray at once.
 
+use super::closed::Closed;
 use super::events::{self, Event, Events, Levels, Watch};
 use super::gauss::{N, Nodes};
+use super::light::{self, LightField};
 use super::shape::{self, AltitudeRay, Solid};
+use super::surface::{self, SurfaceField};
+use super::trace::BANDS;
 use crate::frame::vector::{Vec3, along};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::derive::gradient;
 use compiler::ir::eval::{Environment, Scratch, Tables, Tape, Voxels, evaluate_with};
-use compiler::ir::{FieldScene, Graph, Input, NodeId, Tier};
+use compiler::ir::{FieldScene, Graph, Input, Medium, NodeId, Scattering, Tier};
 use compiler::source::Span;
 use std::collections::HashMap;
 
@@ -80,6 +84,15 @@ impl Field {
     }
 }
 
+/// What a medium does to light on its way from a light to a point.
+#[derive(Clone, Debug)]
+pub(super) struct Shade {
+    /// Its optical depth in closed form, if it has one.
+    pub(super) closed: Option<Closed>,
+    /// k_a, k_s.
+    pub(super) field: Field,
+}
+
 /// A medium of one frame.
 #[derive(Clone, Debug)]
 pub(super) struct MediumField {
@@ -88,6 +101,12 @@ pub(super) struct MediumField {
     pub(super) solid: Solid,
     /// k_a, k_s, k_e.
     pub(super) field: Field,
+    /// Where there are lights.
+    pub(super) shade: Option<Shade>,
+    /// Whether k_s is more than the constant 0.
+    pub(super) scatters: bool,
+    /// `None` is isotropic.
+    pub(super) phase: Option<Tape>,
     /// For the projections: the data.
     pub(super) data: Option<Field>,
     /// For the projections: colour of a value of the data, which stands for the cosine.
@@ -101,8 +120,20 @@ pub(super) struct MediumField {
 pub(super) struct Fields {
     pub(super) media: Vec<MediumField>,
     pub(super) background: Tape,
+    /// How messages call the background.
+    pub(super) sky_name: String,
+    pub(super) lights: Vec<LightField>,
+    /// Whether the background shines on media and surfaces.
+    pub(super) environment: bool,
+    /// Media scatter light towards the eye.
+    pub(super) scatters: bool,
+    /// Polar axis for integrals over the sphere, if directions differ most by their angle to it.
+    pub(super) axis: Option<Vec3>,
+    pub(super) surfaces: Vec<SurfaceField>,
     /// Tapes of the fields of `sdf` shapes.
     pub(super) sdf: HashMap<NodeId, Tape>,
+    /// Exact gradients of those that bound surfaces, where there are any.
+    pub(super) slopes: HashMap<NodeId, Tape>,
     /// Centre and radius of each shell whose altitude is asked for.
     pub(super) shells: Vec<(Vec3, f64)>,
     pub(super) tables: Tables,
@@ -119,19 +150,14 @@ impl Fields {
     ) -> Result<Self, Diagnostic> {
         let mut graph = scene.graph.clone();
         let tables = Tables::evaluate(&graph, params, time);
-        let frame = |nodes: &[NodeId]| -> Vec<Vec<f64>> {
-            let tape = Tape::new(&scene.graph, nodes);
-            let environment = Environment { time, params, tables: &tables, ..Environment::default() };
-            let mut scratch = tape.scratch();
-            tape.run(&environment, voxels, &mut scratch);
-            (0..nodes.len()).map(|i| tape.root(&scratch, i).iter().map(|lane| lane[0]).collect()).collect()
-        };
+        let now = Now { params, time, tables: &tables, voxels };
+        let frame = |nodes: &[NodeId]| now.numbers(&scene.graph, nodes);
+        let bands = (scene.bands.count() as usize).clamp(1, BANDS);
         let tiers = graph.tiers();
-        let mut media = vec![];
         let mut sdf = HashMap::new();
-        for medium in &scene.media {
+        let mut solid_of = |shape: &compiler::ir::Shape| -> Result<Solid, String> {
             let mut nodes = vec![];
-            medium.shape.clone().map_nodes(&mut |n| {
+            shape.clone().map_nodes(&mut |n| {
                 if tiers[n.0 as usize] <= Tier::Frame {
                     nodes.push(n);
                 }
@@ -140,21 +166,38 @@ impl Fields {
             let values: HashMap<NodeId, Vec<f64>> =
                 if nodes.is_empty() { HashMap::new() } else { nodes.iter().copied().zip(frame(&nodes)).collect() };
             let mut value = |n: NodeId| values.get(&n).cloned().unwrap_or_else(|| vec![f64::NAN]);
-            let solid = shape::evaluate(&medium.shape, &mut value).map_err(|part| {
-                let message = format!("the {part} in the shape of medium `{}` is not finite", medium.name);
-                with_span(Diagnostic::error("E0651", message), medium.span)
-                    .hint("check the params and divisions that it uses")
-            })?;
+            let solid = shape::evaluate(shape, &mut value)?;
             let mut fields = vec![];
             solid.fields(&mut fields);
             for field in fields {
                 sdf.entry(field).or_insert_with(|| Tape::new(&scene.graph, &[field]));
             }
+            Ok(solid)
+        };
+        let lights = light::evaluate(scene, bands, &frame)?;
+        let surfaces = surface::evaluate(scene, &frame, &mut solid_of)?;
+        let mut solids = vec![];
+        for medium in &scene.media {
+            solids.push(solid_of(&medium.shape).map_err(|part| {
+                let message = format!("the {part} in the shape of medium `{}` is not finite", medium.name);
+                with_span(Diagnostic::error("E0651", message), medium.span)
+                    .hint("check the params and divisions that it uses")
+            })?);
+        }
+        let slopes = surface::slopes(&mut graph, &surfaces);
+        let scatter = scene.render.scattering != Scattering::None;
+        let lit = !lights.is_empty() || scene.environment;
+        let shaded = lit && (scatter || !surfaces.is_empty());
+        let mut media = vec![];
+        for (medium, solid) in scene.media.iter().zip(solids) {
             media.push(MediumField {
                 name: medium.name.clone(),
                 span: medium.span,
                 solid,
                 field: Field::new(&mut graph, &[medium.k_a, medium.k_s, medium.k_e], &tables),
+                shade: shaded.then(|| shade(&mut graph, medium, bands, &now)),
+                scatters: graph.constant(medium.k_s).is_none_or(|c| c.values().iter().any(|v| *v != 0.0)),
+                phase: medium.phase.map(|p| Tape::new(&scene.graph, &[p])),
                 data: medium.data.map(|d| Field::new(&mut graph, &[d], &tables)),
                 color: medium.data_color.map(|c| Tape::new(&scene.graph, &[c])),
                 gradient: medium.data.and_then(|d| {
@@ -168,15 +211,60 @@ impl Fields {
             let values = frame(&[*center, *radius]);
             (std::array::from_fn(|c| values[0][c.min(values[0].len() - 1)]), values[1][0])
         });
-        Ok(Self {
+        let shells = shells.collect();
+        let sky = scene.graph.origin(scene.background).name.as_deref().and_then(|n| n.strip_suffix(".environment"));
+        let mut all = Self {
             media,
             background: Tape::new(&scene.graph, &[scene.background]),
+            sky_name: match sky {
+                Some(name) => format!("the environment of light `{name}`"),
+                None if scene.environment => "the environment".to_owned(),
+                None => "the background".to_owned(),
+            },
+            lights,
+            environment: scene.environment,
+            scatters: lit && scatter,
+            axis: None,
+            surfaces,
             sdf,
-            shells: shells.collect(),
+            slopes,
+            shells,
             params: params.to_vec(),
             time,
             tables,
-        })
+        };
+        if all.environment && shaded {
+            all.axis = all.find_axis(voxels);
+        }
+        Ok(all)
+    }
+
+    /// The normal of the first plane, or the direction in which an atmosphere thins, unless a phase function is so peaked that
+    /// the direction of the ray matters more.
+    fn find_axis<V: Voxels + ?Sized>(&self, voxels: &V) -> Option<Vec3> {
+        let peaked = self.media.iter().any(|m| {
+            m.scatters
+                && m.phase.as_ref().is_some_and(|tape| {
+                    let cosines = [1.0, 0.99, 0.9, 0.5, -0.5, -0.9, -0.99, -1.0];
+                    let mut scratch = tape.scratch();
+                    self.run_phase(tape, &mut scratch, voxels, &Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells), &[0.0; N], &cosines);
+                    let most = (0..tape.width(0))
+                        .flat_map(|c| tape.component(&scratch, 0, c))
+                        .fold(0.0f64, |m, v| m.max(*v));
+                    most > 0.35
+                })
+        });
+        if peaked {
+            return None;
+        }
+        let plane = self.surfaces.iter().find_map(|s| match &s.form {
+            surface::SurfaceForm::Plane { normal, .. } => Some(*normal),
+            surface::SurfaceForm::Disc { .. } | surface::SurfaceForm::Boundary(_) | surface::SurfaceForm::Mesh(_) => None,
+        });
+        let thins = || {
+            self.media.iter().find_map(|m| m.shade.as_ref()?.closed.as_ref()?.slope(self, voxels))
+        };
+        plane.or_else(thins)
     }
 
     /// Numbers of a node of tier Frame, without voxels.
@@ -194,7 +282,57 @@ impl Fields {
         ts: &Nodes,
         towards_sky: bool,
     ) {
-        let sign = if towards_sky { 1.0 } else { -1.0 };
+        self.run_with(tape, scratch, voxels, ray, ts, &[0.0; N], if towards_sky { 1.0 } else { -1.0 });
+    }
+
+    /// Evaluates a phase function at points of the ray into which light is scattered, at cosines of the angle of scattering.
+    pub(super) fn run_phase<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        ray: &Ray,
+        ts: &Nodes,
+        cosines: &Nodes,
+    ) {
+        self.run_with(tape, scratch, voxels, ray, ts, cosines, -1.0);
+    }
+
+    /// Evaluates what is behind everything in several directions.
+    pub(super) fn run_sky<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        origin: Vec3,
+        directions: &[Vec3; N],
+    ) {
+        let altitude =
+            |(center, radius): &(Vec3, f64)| [AltitudeRay::new(origin, directions[0], *center, *radius).at(0.0); N];
+        let altitudes: Vec<Nodes> = self.shells.iter().map(altitude).collect();
+        let environment = Environment {
+            position: origin.map(|x| [x; N]),
+            direction: std::array::from_fn(|c| directions.map(|d| d[c])),
+            cos_theta: [0.0; N],
+            time: self.time,
+            altitudes: &altitudes,
+            params: &self.params,
+            tables: &self.tables,
+        };
+        tape.run(&environment, voxels, scratch);
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the one place where everything that a tape may ask for meets")]
+    fn run_with<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        ray: &Ray,
+        ts: &Nodes,
+        cosines: &Nodes,
+        sign: f64,
+    ) {
         let mut position = [[0.0; N]; 3];
         for (lane, t) in ts.iter().enumerate() {
             let p = along(ray.origin, ray.direction, *t);
@@ -204,7 +342,7 @@ impl Fields {
         let environment = Environment {
             position,
             direction: ray.direction.map(|d| [sign * d; N]),
-            cos_theta: [0.0; N],
+            cos_theta: *cosines,
             time: self.time,
             altitudes: &altitudes,
             params: &self.params,
@@ -251,6 +389,32 @@ impl Fields {
     }
 }
 
+/// What nodes of tier Frame depend on.
+struct Now<'a, V: ?Sized> {
+    params: &'a [Vec<f64>],
+    time: f64,
+    tables: &'a Tables,
+    voxels: &'a V,
+}
+
+impl<V: Voxels + ?Sized> Now<'_, V> {
+    fn numbers(&self, graph: &Graph, nodes: &[NodeId]) -> Vec<Vec<f64>> {
+        let tape = Tape::new(graph, nodes);
+        let environment =
+            Environment { time: self.time, params: self.params, tables: self.tables, ..Environment::default() };
+        let mut scratch = tape.scratch();
+        tape.run(&environment, self.voxels, &mut scratch);
+        (0..nodes.len()).map(|i| tape.root(&scratch, i).iter().map(|lane| lane[0]).collect()).collect()
+    }
+}
+
+/// A medium as shadow rays see it.
+fn shade<V: Voxels + ?Sized>(graph: &mut Graph, medium: &Medium, bands: usize, now: &Now<'_, V>) -> Shade {
+    let roots = [medium.k_a, medium.k_s];
+    let closed = Closed::find(graph, &roots, bands, |g, nodes| now.numbers(g, nodes));
+    Shade { closed, field: Field::new(graph, &roots, now.tables) }
+}
+
 /// A ray with what the inputs need.
 #[derive(Clone, Debug)]
 pub(super) struct Ray {
@@ -281,10 +445,15 @@ pub(super) fn with_span(diagnostic: Diagnostic, span: Option<Span>) -> Diagnosti
 /// A coefficient that is negative (`E0650`) or not finite (`E0651`) at a position. `value` and `position` in SI.
 #[must_use]
 pub fn bad_coefficient(medium: &str, span: Option<Span>, field: &str, value: f64, position: Vec3) -> Diagnostic {
+    bad_field(&format!("medium `{medium}`"), span, field, value, position)
+}
+
+/// The same for a field of anything.
+pub(super) fn bad_field(owner: &str, span: Option<Span>, field: &str, value: f64, position: Vec3) -> Diagnostic {
     let [x, y, z] = position;
     let place = format!("at ({x:.6}, {y:.6}, {z:.6}) m");
     let diagnostic = if value < 0.0 && value.is_finite() {
-        Diagnostic::error("E0650", format!("{field} of medium `{medium}` is negative: {value:.6e} {place}"))
+        Diagnostic::error("E0650", format!("{field} of {owner} is negative: {value:.6e} {place}"))
             .hint(format!("clamp it: `{field} = max(0, …)`"))
     } else {
         let what = match value {
@@ -292,7 +461,7 @@ pub fn bad_coefficient(medium: &str, span: Option<Span>, field: &str, value: f64
             v if v.is_finite() => format!("too large ({v:e})"),
             _ => "infinite".to_owned(),
         };
-        Diagnostic::error("E0651", format!("{field} of medium `{medium}` is {what} {place}"))
+        Diagnostic::error("E0651", format!("{field} of {owner} is {what} {place}"))
             .hint("look for a division by zero, a root or logarithm of a negative number, or an overflow there")
     };
     with_span(diagnostic, span)

@@ -110,6 +110,73 @@ impl Solid {
         }
     }
 
+    /// Calls `visit` for every closed form with the ray in its own space.
+    fn leaves(&self, o: Vec3, d: Vec3, visit: &mut dyn FnMut(&Form, Option<&[Vec3; 3]>, Vec3, Vec3)) {
+        match self {
+            Self::Everywhere => {}
+            Self::Union(parts) | Self::Intersection(parts) => parts.iter().for_each(|p| p.leaves(o, d, visit)),
+            Self::Difference(first, rest) => {
+                first.leaves(o, d, visit);
+                rest.iter().for_each(|p| p.leaves(o, d, visit));
+            }
+            Self::Part { from_world: None, form } => visit(form, None, o, d),
+            Self::Part { from_world: Some((rows, offset)), form } => {
+                let own = |v: Vec3| rows.map(|r| dot(r, v));
+                let from = own(o);
+                visit(form, Some(rows), std::array::from_fn(|i| from[i] + offset[i]), own(d));
+            }
+        }
+    }
+
+    /// A number that stays the same while a ray meets the same faces in the same way up to `reach`: where it changes, what
+    /// is summed along the ray may not be smooth. Fields of `sdf` are left out.
+    pub(super) fn signature(&self, o: Vec3, d: Vec3, reach: f64) -> u64 {
+        let mut hash = SIGNATURE;
+        self.leaves(o, d, &mut |form, _, o, d| hash = mix(hash, form.signature(o, d, reach)));
+        hash
+    }
+
+    /// Normal of the boundary that the ray meets at `t`, of either sign. `sdf` gives the value and gradient of a field there.
+    pub(super) fn normal(
+        &self,
+        o: Vec3,
+        d: Vec3,
+        t: f64,
+        sdf: &mut dyn FnMut(NodeId) -> Option<(f64, Vec3)>,
+    ) -> Option<Vec3> {
+        // Of all parts the one whose boundary is nearest.
+        let mut best: Option<(f64, Vec3)> = None;
+        self.leaves(o, d, &mut |form, rows, o, d| {
+            let found = match form {
+                // The field sees the world whatever the transform says.
+                Form::Sdf { field } => sdf(*field).map(|(value, slope)| (value.abs() / length(slope), slope)),
+                Form::Ball { .. }
+                | Form::Ellipsoid { .. }
+                | Form::Box { .. }
+                | Form::Slab { .. }
+                | Form::Cylinder { .. }
+                | Form::Shell { .. } => {
+                    let p = std::array::from_fn(|i| d[i].mul_add(t, o[i]));
+                    let Some((_, own)) = form.face(p) else { return };
+                    let ends = form.intervals(o, d).0;
+                    let off = ends.iter().flat_map(|(a, b)| [(a - t).abs(), (b - t).abs()]).fold(f64::INFINITY, f64::min);
+                    let world = match rows {
+                        None => own,
+                        Some(rows) => std::array::from_fn(|c| (0..3).map(|i| rows[i][c] * own[i]).sum()),
+                    };
+                    Some((off, world))
+                }
+            };
+            if let Some((off, normal)) = found
+                && let Some(normal) = crate::frame::vector::normalize(normal)
+                && best.is_none_or(|b| off < b.0)
+            {
+                best = Some((off, normal));
+            }
+        });
+        best.map(|b| b.1)
+    }
+
     /// Where the ray `o + t·d`, `t ≥ 0`, |d| = 1, is inside. `sdf` gives the intervals where a field is negative, at least
     /// within the set of parameters it is given.
     pub(super) fn intervals<E>(
@@ -162,7 +229,71 @@ impl Solid {
     }
 }
 
+const SIGNATURE: u64 = 0xcbf2_9ce4_8422_2325;
+
+/// Mixes a number into another (FNV).
+pub(super) fn mix(hash: u64, more: u64) -> u64 {
+    (hash ^ more).wrapping_mul(0x0100_0000_01b3)
+}
+
 impl Form {
+    /// Which faces a ray meets up to `reach`, as a number.
+    fn signature(&self, o: Vec3, d: Vec3, reach: f64) -> u64 {
+        let mut hash = SIGNATURE;
+        for (a, b) in self.intervals(o, d).0 {
+            if a >= reach {
+                break;
+            }
+            let at = |t: f64| self.face(std::array::from_fn(|i| d[i].mul_add(t, o[i]))).map_or(0, |f| f.0 + 1);
+            hash = mix(hash, if a > 0.0 { at(a) } else { 0 });
+            hash = mix(hash, if b < reach { at(b) } else { 0 });
+        }
+        hash
+    }
+
+    /// Number and normal of the face nearest to a point of the boundary.
+    fn face(&self, p: Vec3) -> Option<(u64, Vec3)> {
+        match *self {
+            Self::Ball { center, .. } | Self::Shell { center, inner: 0.0, .. } => Some((0, sub(p, center))),
+            Self::Shell { center, inner, outer } => {
+                let m = sub(p, center);
+                let r = length(m);
+                Some((u64::from((r - inner).abs() < (r - outer).abs()), m))
+            }
+            Self::Ellipsoid { center, radii } => {
+                let m = sub(p, center);
+                Some((0, std::array::from_fn(|i| m[i] / (radii[i] * radii[i]))))
+            }
+            Self::Box { min, max } => {
+                let mut best = (f64::INFINITY, 0, [0.0; 3]);
+                for i in 0..3 {
+                    for (side, face) in [(0, min[i]), (1, max[i])] {
+                        let off = (p[i] - face).abs();
+                        if off < best.0 {
+                            best = (off, 2 * i as u64 + side, std::array::from_fn(|c| f64::from(u8::from(c == i))));
+                        }
+                    }
+                }
+                Some((best.1, best.2))
+            }
+            Self::Slab { axis, from, to } => {
+                let x = dot(axis, p);
+                Some((u64::from((x - from).abs() < (x - to).abs()), axis))
+            }
+            Self::Cylinder { from, to, radius } => {
+                let axis = sub(to, from);
+                let height = length(axis);
+                let axis = scale(axis, 1.0 / height);
+                let m = sub(p, from);
+                let x = dot(m, axis);
+                let side = sub(m, scale(axis, x));
+                let [low, high, off] = [x.abs(), (x - height).abs(), (length(side) - radius).abs()];
+                if off <= low.min(high) { Some((0, side)) } else { Some((1 + u64::from(high < low), axis)) }
+            }
+            Self::Sdf { .. } => None,
+        }
+    }
+
     /// Any direction, also of other than unit length.
     fn intervals(&self, o: Vec3, d: Vec3) -> Intervals {
         let speed = length(d);

@@ -4,4 +4,6 @@ mod build;
 mod closed;
 mod grids;
 mod project;
+mod single;
 mod stiff;
+mod surfaces;

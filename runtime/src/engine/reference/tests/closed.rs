@@ -73,7 +73,7 @@ fn linear_density() {
 }
 
 /// Composite Gauss with four points on 2000 panels.
-fn quad(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
+pub(super) fn quad(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
     let (x, w) =
         ([0.339_981_043_584_856_3, 0.861_136_311_594_052_6], [0.652_145_154_862_546_2, 0.347_854_845_137_453_8]);
     let n = 2000;
