@@ -95,7 +95,7 @@ impl KernelBuilder {
 
     /// The buffer of a mesh.
     pub fn mesh(&mut self, mesh: MeshId) -> u32 {
-        self.resource(&format!("mesh_{}_nodes", mesh.0), ResourceKind::ReadBuffer(Ty::F32), Binding::Mesh(mesh))
+        self.resource(&format!("mesh_{}_nodes", mesh.0), ResourceKind::ReadBuffer(Ty::U32), Binding::Mesh(mesh))
     }
 
     /// The list of rays.

@@ -188,7 +188,7 @@ pub enum Binding {
     Grid(GridId),
     /// A table: array of f32: per row its key, then its values, `width + 1` numbers a row.
     Table(TableId),
-    /// A mesh: array of f32. First eight numbers, of which the first is the count of nodes as the bits of a u32. Then the nodes
+    /// A mesh: array of u32, the bits of f32 but where it says so. First eight numbers, of which the first is the count of nodes as the bits of a u32. Then the nodes
     /// of a hierarchy of boxes in depth-first order, eight numbers each: lower corner, the node to go on with when this one
     /// is missed (bits), upper corner, and for a leaf its first triangle · 8 + number of triangles (bits), else 0. Then
     /// triangles, nine numbers each: a corner, and the two edges from it. In the scene's units.

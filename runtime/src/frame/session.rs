@@ -2,15 +2,19 @@
 
 use super::measure::{Measured, Samples, worst};
 use super::paths::{Batches, LEAST_BATCHES, Tally};
-use super::{Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, Params, pack_ray, sample_offsets, scene_bounds};
+use super::{
+    Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, LoadedMesh, Params, Vec3, pack_ray, sample_offsets,
+    scene_bounds,
+};
 use crate::data::Volume;
+use crate::data::mesh::Mesh;
 use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile};
-use crate::engine::reference::{self, Reference};
+use crate::engine::reference::{self, MeshHit, Meshes, Reference};
 use crate::image::Picture;
 use compiler::analysis::range::Range;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::Voxels;
-use compiler::ir::{Aa, FieldScene, GridId};
+use compiler::ir::{Aa, FieldScene, GridId, MeshId, MeshInfo};
 use compiler::program::{OutputKind, Plan, Program, StepRule, UniformSource};
 use compiler::source::Sources;
 use std::sync::Arc;
@@ -75,6 +79,18 @@ impl Voxels for Grids {
     }
 }
 
+/// The meshes of a scene, by their number.
+#[derive(Clone, Debug, Default)]
+struct Triangles(Vec<LoadedMesh>);
+
+impl Meshes for Triangles {
+    fn hit(&self, mesh: MeshId, origin: Vec3, direction: Vec3, reach: f64) -> Option<MeshHit> {
+        let mesh = &self.0.get(mesh.0 as usize)?.mesh;
+        let (t, triangle) = mesh.nearest(origin, direction, (0.0, reach))?;
+        Some(MeshHit { t, normal: mesh.normal(triangle) })
+    }
+}
+
 #[derive(Debug)]
 enum Engine {
     Gpu(Box<Prepared>),
@@ -90,6 +106,7 @@ pub struct Session {
     warnings: Diagnostics,
     options: compiler::Options,
     grids: Grids,
+    meshes: Triangles,
     engine: Engine,
     fallback: Option<String>,
     seed: u64,
@@ -211,8 +228,22 @@ impl Session {
                 warnings.push(at_grid(diagnostic, &program.lowered, i));
             }
         }
+        let infos = &program.lowered.meshes;
+        let meshes = loader.meshes(infos).map_err(|(error, mesh)| {
+            let mut diagnostic = Diagnostic::error(error.code, error.message);
+            diagnostic.hints.extend(error.hint);
+            warnings.push(at_mesh(diagnostic, infos, mesh));
+            trouble(Cause::Input, &warnings)
+        })?;
+        for (i, mesh) in meshes.iter().enumerate() {
+            for warning in &mesh.warnings {
+                let mut diagnostic = warning.to_diagnostic();
+                diagnostic.message = format!("`{}`: {}", mesh.name, diagnostic.message);
+                warnings.push(at_mesh(diagnostic, infos, i));
+            }
+        }
         let program = Arc::new(program);
-        let (engine, fallback) = choose(&program, shaders, &loaded, &settings).map_err(|error| {
+        let (engine, fallback) = choose(&program, shaders, (&loaded, &meshes), &settings).map_err(|error| {
             warnings.push(machine(&error));
             trouble(Cause::Machine, &warnings)
         })?;
@@ -224,6 +255,7 @@ impl Session {
             warnings,
             options: settings.options,
             grids: Grids(loaded),
+            meshes: Triangles(meshes),
             engine,
             fallback,
             seed: settings.seed,
@@ -565,7 +597,8 @@ impl Session {
         let scene = &self.program.lowered;
         let started = Instant::now();
         let white = super::white(scene, &params.0, time);
-        let engine = Reference::new(scene, &params.0, time, &self.grids).map_err(|d| self.input(d))?;
+        let engine =
+            Reference::new(scene, &params.0, time, &self.grids).map_err(|d| self.input(d))?.with_meshes(&self.meshes);
         let offsets = sample_offsets(self.program.plan.samples);
         let options = self.picture_options(white);
         let drawn = engine.render(camera, &offsets, &options, progress).map_err(|d| self.input(d))?;
@@ -598,7 +631,9 @@ impl Session {
         let scene = &self.program.lowered;
         let camera = self.camera(&drawing.params, drawing.time)?;
         let white = super::white(scene, &drawing.params.0, drawing.time);
-        let engine = Reference::new(scene, &drawing.params.0, drawing.time, &self.grids).map_err(|d| self.input(d))?;
+        let engine = Reference::new(scene, &drawing.params.0, drawing.time, &self.grids)
+            .map_err(|d| self.input(d))?
+            .with_meshes(&self.meshes);
         let by_area = self.options.aa.unwrap_or(scene.image.aa) == Aa::Analytic;
         let samples = Samples::new(self.program.plan.samples, by_area);
         let allowed = (self.accuracy(), white);
@@ -642,7 +677,9 @@ impl Session {
         settings: &ProbeSettings,
     ) -> Result<Vec<RayAnswer>, Trouble> {
         let scene = &self.program.lowered;
-        let engine = Reference::new(scene, &params.0, settings.time, &self.grids).map_err(|d| self.input(d))?;
+        let engine = Reference::new(scene, &params.0, settings.time, &self.grids)
+            .map_err(|d| self.input(d))?
+            .with_meshes(&self.meshes);
         let mut options = reference::Options { rtol: settings.rtol, ..Default::default() };
         if let Engine::Cpu = self.engine {
             // Relative alone, since a probe has no white.
@@ -783,6 +820,13 @@ fn at_grid(diagnostic: Diagnostic, scene: &FieldScene, grid: usize) -> Diagnosti
     }
 }
 
+fn at_mesh(diagnostic: Diagnostic, meshes: &[MeshInfo], mesh: usize) -> Diagnostic {
+    match meshes.get(mesh).and_then(|m| m.span) {
+        Some(span) => diagnostic.at(span, "this file"),
+        None => diagnostic,
+    }
+}
+
 fn machine(error: &GpuError) -> Diagnostic {
     let mut diagnostic = Diagnostic::error(error.kind.code(), error.message.clone());
     diagnostic.hints.extend(error.hint.clone());
@@ -793,13 +837,15 @@ fn machine(error: &GpuError) -> Diagnostic {
 fn choose(
     program: &Arc<Program>,
     shaders: Vec<compiler::emit::Shader>,
-    grids: &[Loaded],
+    (grids, meshes): (&[Loaded], &[LoadedMesh]),
     settings: &Settings,
 ) -> Result<(Engine, Option<String>), GpuError> {
     let gpu = || {
         let gpu = Arc::new(Gpu::new(&settings.adapter, &Needs::of(program))?);
         let grids: Vec<GridData<'_>> = grids.iter().map(|l| grid_data(&l.volume)).collect();
-        gpu.prepare(program, shaders, SceneData { grids: &grids, meshes: &[] }).map(|p| Engine::Gpu(Box::new(p)))
+        let scale = program.lowered.units.scale(1.0);
+        let meshes: Vec<Vec<f32>> = meshes.iter().map(|m| mesh_data(&m.mesh, scale)).collect();
+        gpu.prepare(program, shaders, SceneData { grids: &grids, meshes: &meshes }).map(|p| Engine::Gpu(Box::new(p)))
     };
     match settings.engine {
         EngineChoice::Gpu => Ok((gpu()?, None)),
@@ -812,6 +858,14 @@ fn choose(
             Err(error) => Ok((Engine::Cpu, Some(error.message))),
         },
     }
+}
+
+/// As kernels read it: the number of nodes, then the tree and the triangles.
+fn mesh_data(mesh: &Mesh, scale: f64) -> Vec<f32> {
+    let mut data = vec![0.0; 8];
+    data[0] = f32::from_bits(mesh.node_count() as u32);
+    data.extend(mesh.pack(scale));
+    data
 }
 
 fn grid_data(volume: &Volume) -> GridData<'_> {

@@ -398,13 +398,14 @@ impl Tracer<'_> {
         let direction = code.parameter("direction", Ty::VEC3);
         let start = code.parameter("start", Ty::F32);
         let limit = code.parameter("limit", Ty::F32);
-        let load = |at: Expr| Expr::Load(buffer, Box::new(at));
+        // As integers, since the bits of small ones are denormal numbers, which a GPU may read as 0.
+        let bits = |at: Expr| Expr::Load(buffer, Box::new(at));
+        let load = |at: Expr| bits(at).bitcast(Prim::F32);
         let three = |code: &mut Code, name: &str, at: Expr| {
             let parts = (0..3u32).map(|i| load(at.clone() + i)).collect();
             code.bind(name, Ty::VEC3, Expr::Compose(Ty::VEC3, parts))
         };
-        let bits = |value: Expr| value.bitcast(Prim::U32);
-        let count = code.bind("nodes", Ty::U32, bits(load(Expr::U32(0))));
+        let count = code.bind("nodes", Ty::U32, bits(Expr::U32(0)));
         let triangles = code.bind("triangles", Ty::U32, (count.clone() + 1u32) * 8u32);
         let best = code.var("best", Ty::F32, limit);
         let normal = code.var("normal", Ty::VEC3, Expr::F32(0.0).splat(3));
@@ -427,8 +428,8 @@ impl Tracer<'_> {
         // Widened a little: boxes are rounded too.
         let leave = super::trace::least(a.max(b), 3) * (1.0 + 1e-6) + 1e-7;
         let missed = code.bind("missed", Ty::BOOL, enter.greater(leave.min(best)));
-        let skip = code.bind("skip", Ty::U32, bits(load(at.clone() + 3u32)));
-        let leaf = code.bind("leaf", Ty::U32, bits(load(at + 7u32)));
+        let skip = code.bind("skip", Ty::U32, bits(at.clone() + 3u32));
+        let leaf = code.bind("leaf", Ty::U32, bits(at + 7u32));
         code.open();
         let first = Expr::binary(BinaryOp::ShiftRight, leaf.clone(), 3u32);
         let i = code.var("i", Ty::U32, first.clone());

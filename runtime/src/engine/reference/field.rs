@@ -247,10 +247,16 @@ impl Fields {
                 && m.phase.as_ref().is_some_and(|tape| {
                     let cosines = [1.0, 0.99, 0.9, 0.5, -0.5, -0.9, -0.99, -1.0];
                     let mut scratch = tape.scratch();
-                    self.run_phase(tape, &mut scratch, voxels, &Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells), &[0.0; N], &cosines);
-                    let most = (0..tape.width(0))
-                        .flat_map(|c| tape.component(&scratch, 0, c))
-                        .fold(0.0f64, |m, v| m.max(*v));
+                    self.run_phase(
+                        tape,
+                        &mut scratch,
+                        voxels,
+                        &Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells),
+                        &[0.0; N],
+                        &cosines,
+                    );
+                    let most =
+                        (0..tape.width(0)).flat_map(|c| tape.component(&scratch, 0, c)).fold(0.0f64, |m, v| m.max(*v));
                     most > 0.35
                 })
         });
@@ -259,11 +265,11 @@ impl Fields {
         }
         let plane = self.surfaces.iter().find_map(|s| match &s.form {
             surface::SurfaceForm::Plane { normal, .. } => Some(*normal),
-            surface::SurfaceForm::Disc { .. } | surface::SurfaceForm::Boundary(_) | surface::SurfaceForm::Mesh(_) => None,
+            surface::SurfaceForm::Disc { .. } | surface::SurfaceForm::Boundary(_) | surface::SurfaceForm::Mesh(_) => {
+                None
+            }
         });
-        let thins = || {
-            self.media.iter().find_map(|m| m.shade.as_ref()?.closed.as_ref()?.slope(self, voxels))
-        };
+        let thins = || self.media.iter().find_map(|m| m.shade.as_ref()?.closed.as_ref()?.slope(self, voxels));
         plane.or_else(thins)
     }
 

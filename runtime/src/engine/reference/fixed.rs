@@ -1,10 +1,10 @@
 //! The default rule of the language in f64: a fixed number of midpoint steps with the exact exponential inside a step.
 //! Second order on smooth fields; here to measure the backends' convergence against, and independent of them.
 
+use super::compose::Sum;
 use super::field::{Ray, with_span};
 use super::gauss::N;
 use super::panel::constant;
-use super::compose::Sum;
 use super::scatter::Behind;
 use super::trace::{BANDS, Segment, Worker};
 use super::{ErrorKind, RayResult};

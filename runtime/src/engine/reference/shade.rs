@@ -79,9 +79,10 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                 if a >= b {
                     break;
                 }
-                let closed = shade.closed.as_ref().and_then(|c| {
-                    c.depth(fields, self.voxels, self.closed[m].as_mut(), ray, (a, b), self.bands)
-                });
+                let closed = shade
+                    .closed
+                    .as_ref()
+                    .and_then(|c| c.depth(fields, self.voxels, self.closed[m].as_mut(), ray, (a, b), self.bands));
                 let part = match closed {
                     Some(tau) => {
                         self.evaluations += 1;
@@ -202,7 +203,8 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             let cuts = thin(cuts, false);
             for pair in cuts.windows(2) {
                 let (a, b) = (pair[0], pair[1]);
-                let parts = if cuts.len() > least { 1.0 } else { (least as f64 * (b - a) / (end - start)).ceil().max(1.0) };
+                let parts =
+                    if cuts.len() > least { 1.0 } else { (least as f64 * (b - a) / (end - start)).ceil().max(1.0) };
                 let h = (b - a) / parts;
                 for i in 0..parts as usize {
                     if !self.pieces(ray, m, sampler, (a + h * i as f64, h, 0), &mut pieces)? {

@@ -159,7 +159,8 @@ impl Solid {
                     let p = std::array::from_fn(|i| d[i].mul_add(t, o[i]));
                     let Some((_, own)) = form.face(p) else { return };
                     let ends = form.intervals(o, d).0;
-                    let off = ends.iter().flat_map(|(a, b)| [(a - t).abs(), (b - t).abs()]).fold(f64::INFINITY, f64::min);
+                    let off =
+                        ends.iter().flat_map(|(a, b)| [(a - t).abs(), (b - t).abs()]).fold(f64::INFINITY, f64::min);
                     let world = match rows {
                         None => own,
                         Some(rows) => std::array::from_fn(|c| (0..3).map(|i| rows[i][c] * own[i]).sum()),

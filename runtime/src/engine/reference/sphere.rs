@@ -157,12 +157,7 @@ pub(super) fn changes(
     Ok(cuts)
 }
 
-fn build(
-    f: &mut dyn Integrand,
-    first: (f64, f64, u8),
-    bands: usize,
-    out: &mut Vec<Piece>,
-) -> Result<(), Diagnostic> {
+fn build(f: &mut dyn Integrand, first: (f64, f64, u8), bands: usize, out: &mut Vec<Piece>) -> Result<(), Diagnostic> {
     let mut stack = vec![(first, 0)];
     while let Some(((a, h, depth), cut)) = stack.pop() {
         if cut < 6 && depth < DEEP {
@@ -315,9 +310,7 @@ mod tests {
     fn integrals_over_the_sphere() {
         let axis = normalize([0.3, -0.5, 0.8]).unwrap();
         let up = [0.0, 1.0, 0.0];
-        let sphere = |f: &dyn Fn(Vec3) -> f64, cuts: &[f64]| {
-            over_cap(&mut Of(f), axis, cuts, 1, 1e-9).unwrap()
-        };
+        let sphere = |f: &dyn Fn(Vec3) -> f64, cuts: &[f64]| over_cap(&mut Of(f), axis, cuts, 1, 1e-9).unwrap();
         let whole = [0.0, 1.0, 2.0];
         let cases: [(&dyn Fn(Vec3) -> f64, f64); 4] = [
             (&|_| 1.0, 4.0 * PI),

@@ -1,10 +1,10 @@
 //! The part of a ray that never leaves a medium: uniform media in closed form, others in octaves until the rest is decided.
 
+use super::compose::{Panel, compose};
 use super::field::{Ray, with_span};
 use super::gauss::N;
 use super::panel::{Slice, constant};
 use super::shade::DARK;
-use super::compose::{Panel, compose};
 use super::trace::{BANDS, PerBand, Segment, Worker};
 use super::{Goal, Options};
 use compiler::diagnostic::Diagnostic;

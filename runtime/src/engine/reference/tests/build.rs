@@ -4,8 +4,8 @@ use super::super::{Options, RayResult, Reference};
 use compiler::ir::eval::Voxels;
 use compiler::ir::{
     Aa, Backend, Bands, BandsKind, Binary, Camera, Composite, FieldScene, Filter, Graph, GridId, GridInfo, ImageInfo,
-    Input, Light, LightKind, Medium, MeshInfo, NodeId, Op, Primitive, PrimitiveKind, Projection, RenderInfo, Scattering,
-    Shape, Surface, SurfaceShape, Tonemap, Unary, Units,
+    Input, Light, LightKind, Medium, MeshInfo, NodeId, Op, Primitive, PrimitiveKind, Projection, RenderInfo,
+    Scattering, Shape, Surface, SurfaceShape, Tonemap, Unary, Units,
 };
 use compiler::loader::{GridHeader, Scalar};
 

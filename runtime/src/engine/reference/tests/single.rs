@@ -30,7 +30,12 @@ fn hg(g: f64, cosine: f64) -> f64 {
 fn ball_along_the_light() {
     let (k_a, k_s): (f64, f64) = (0.3, 1.2);
     let sigma = k_a + k_s;
-    for (direction, g) in [([0.0, 0.0, -1.0], None), ([0.0, 0.0, 1.0], None), ([0.0, 0.0, -1.0], Some(0.8)), ([0.0, 0.0, 1.0], Some(-0.5))] {
+    for (direction, g) in [
+        ([0.0, 0.0, -1.0], None),
+        ([0.0, 0.0, 1.0], None),
+        ([0.0, 0.0, -1.0], Some(0.8)),
+        ([0.0, 0.0, 1.0], Some(-0.5)),
+    ] {
         let mut b = lit();
         let shape = b.sphere([0.0; 3], 1.0);
         let phase = g.map(|g| b.hg(g));
@@ -75,7 +80,12 @@ fn ball_from_the_side() {
 #[test]
 fn slab_at_every_incidence() {
     let (k_a, k_s, sigma): (f64, f64, f64) = (0.2, 0.9, 1.1);
-    for (light, eye) in [([0.0, 0.0, -1.0], [0.0, 0.0, 1.0]), ([-0.8, 0.0, -0.6], [0.0, 0.0, 1.0]), ([-0.8, 0.0, -0.6], [0.1, 0.5, 1.0]), ([0.48, 0.64, 0.6], [0.3, -0.5, 1.0])] {
+    for (light, eye) in [
+        ([0.0, 0.0, -1.0], [0.0, 0.0, 1.0]),
+        ([-0.8, 0.0, -0.6], [0.0, 0.0, 1.0]),
+        ([-0.8, 0.0, -0.6], [0.1, 0.5, 1.0]),
+        ([0.48, 0.64, 0.6], [0.3, -0.5, 1.0]),
+    ] {
         for g in [None, Some(0.6), Some(-0.9)] {
             let mut b = lit();
             let shape = b.slab([0.0, 0.0, 1.0], 0.0, 1.0);
@@ -118,7 +128,9 @@ fn any_profile_against_the_light() {
 fn airlight_of_a_lamp() {
     // ∫ e^(−σ(t + d))/d² dt without end: t = c + q·tan θ takes the peak away.
     let (k_a, k_s, sigma): (f64, f64, f64) = (0.05, 0.2, 0.25);
-    for (at, g) in [([1.0, 0.3, 2.0], None), ([0.05, 0.0, 1.0], None), ([1.0, 0.3, -6.0], None), ([1.0, 0.3, 2.0], Some(0.7))] {
+    for (at, g) in
+        [([1.0, 0.3, 2.0], None), ([0.05, 0.0, 1.0], None), ([1.0, 0.3, -6.0], None), ([1.0, 0.3, 2.0], Some(0.7))]
+    {
         let mut b = lit();
         let phase = g.map(|g| b.hg(g));
         b.milk(Shape::Everywhere, k_a, k_s, phase);
@@ -191,11 +203,7 @@ fn fog_before_a_lit_wall() {
     b.lamp([0.0, 0.5, -4.0], 2.0, None);
     b.plane([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 0.8);
     let result = ahead(&b.scene(9.0));
-    let fog = quad(
-        |theta: f64| (-sigma * (0.5 * theta.tan() + 0.5 / theta.cos())).exp(),
-        0.0,
-        (5.0f64 / 0.5).atan(),
-    );
+    let fog = quad(|theta: f64| (-sigma * (0.5 * theta.tan() + 0.5 / theta.cos())).exp(), 0.0, (5.0f64 / 0.5).atan());
     let d = f64::hypot(5.0, 0.5);
     let wall = 0.8 / PI * 2.0 / (d * d) * (5.0 / d) * (-sigma * (d + 5.0)).exp();
     near(&result, k_s * 0.25 / PI * 2.0 / 0.5 * fog + wall, 1e-8);
@@ -268,10 +276,8 @@ fn white_sky_around_a_ball() {
     let mean = |r: f64| 0.5 * quad(|m| (-sigma * (-r * m + (r * r * m * m + 1.0 - r * r).sqrt())).exp(), -1.0, 1.0);
     let half = (1.0f64 - 0.09).sqrt();
     let table: Vec<(f64, f64)> = (0..40).map(|i| gauss40(i)).collect();
-    let line: f64 = table
-        .iter()
-        .map(|(x, w)| w * half * (-sigma * half * (1.0 + x)).exp() * mean(f64::hypot(0.3, half * x)))
-        .sum();
+    let line: f64 =
+        table.iter().map(|(x, w)| w * half * (-sigma * half * (1.0 + x)).exp() * mean(f64::hypot(0.3, half * x))).sum();
     near(&result, k_s * 2.0 * line + 2.0 * (-2.0 * sigma * half).exp(), 2e-7);
     // At the centre of a ball that scatters in a speck alone, every direction is the same depth away.
     let mut b = Build { environment: true, ..lit() };
@@ -310,13 +316,17 @@ fn sky_over_a_floor_in_thin_haze() {
     b.plane([0.0; 3], [0.0, 1.0, 0.0], 0.0);
     let result = trace(&b.scene(2.0), [0.0, 0.5, 0.0], [0.0, 1.0, 0.0]);
     assert!((result.radiance[0] - 2.0 * (1.0 - k) - k).abs() < 1e-12, "{:e}", result.radiance[0] - 2.0);
-    let down = trace(&{
-        let mut b = Build { environment: true, ..lit() };
-        let shape = b.slab([0.0, 1.0, 0.0], 1.0, 2.0);
-        b.milk(shape, 0.0, k, None);
-        b.plane([0.0; 3], [0.0, 1.0, 0.0], 0.0);
-        b.scene(2.0)
-    }, [0.0, 3.0, 0.0], [0.0, -1.0, 0.0]);
+    let down = trace(
+        &{
+            let mut b = Build { environment: true, ..lit() };
+            let shape = b.slab([0.0, 1.0, 0.0], 1.0, 2.0);
+            b.milk(shape, 0.0, k, None);
+            b.plane([0.0; 3], [0.0, 1.0, 0.0], 0.0);
+            b.scene(2.0)
+        },
+        [0.0, 3.0, 0.0],
+        [0.0, -1.0, 0.0],
+    );
     assert!((down.radiance[0] / k - 1.0).abs() < 1e-5, "{:e}", down.radiance[0]);
 }
 
@@ -375,7 +385,8 @@ fn halves_scales_and_turns() {
     // About (1, 1, 1) by a third, then about z by 0.3.
     let (sine, cosine) = 0.3f64.sin_cos();
     let turned = |v: Vec3| [cosine * v[2] - sine * v[0], sine * v[2] + cosine * v[0], v[1]];
-    for other in [base(1e-6, &same, false), base(1e6, &same, false), base(1.0, &turned, false), base(1.0, &same, true)] {
+    for other in [base(1e-6, &same, false), base(1e6, &same, false), base(1.0, &turned, false), base(1.0, &same, true)]
+    {
         assert!((other / one - 1.0).abs() < 1e-8, "{other} {one}");
     }
 }

@@ -89,7 +89,9 @@ fn shadows_of_one_surface_on_another() {
     let at = |x: f64, z: f64| trace(&scene, [x, 1e-3, z], [0.0, -1.0, 0.0]).radiance[0];
     let lit = 0.5f64.sqrt();
     let reach = 2f64.sqrt();
-    assert!(at(2.0, 0.0).abs() < 1e-15 && at(2.0 + reach - 1e-6, 0.0).abs() < 1e-15 && at(2.0, 0.999_999).abs() < 1e-15);
+    assert!(
+        at(2.0, 0.0).abs() < 1e-15 && at(2.0 + reach - 1e-6, 0.0).abs() < 1e-15 && at(2.0, 0.999_999).abs() < 1e-15
+    );
     assert!((at(2.0 + reach + 1e-6, 0.0) - lit).abs() < 1e-12 && (at(2.0, 1.000_001) - lit).abs() < 1e-12);
     // The ball itself: lit to the last bit of its terminator, dark behind it.
     let ball = |y: f64| trace(&scene, [-4.0, y, 0.0], [1.0, 0.0, 0.0]).radiance[0];
@@ -161,10 +163,7 @@ fn boundaries_and_their_normals() {
 #[test]
 fn triangles_make_the_same_wall() {
     let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
-    let meshes = Triangles(vec![vec![
-        [corners[0], corners[1], corners[2]],
-        [corners[0], corners[2], corners[3]],
-    ]]);
+    let meshes = Triangles(vec![vec![[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]]);
     let mut b = Build::default();
     let header = MeshHeader { triangles: 2, bounds: ([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]) };
     b.meshes.push(MeshInfo { path: String::new(), from: String::new(), span: None, header });
