@@ -226,7 +226,8 @@ impl Tracer<'_> {
         let side = code.var("side", Ty::U32, 2u32);
         let found = code.var("found", Ty::F32, FAR);
         code.open();
-        let next = code.var("next", Ty::F32, FAR);
+        // Nothing beyond the best hit so far is of interest.
+        let next = code.var("next", Ty::F32, best.t);
         for span in spans.iter().flatten() {
             for i in 0..2 {
                 let end = span.clone().component(i);
