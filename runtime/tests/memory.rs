@@ -1,7 +1,8 @@
-//! Memory of the volume readers, under an allocator that refuses more than it is allowed. One test, since the limit
+//! Memory of the readers of volumes and meshes, under an allocator that refuses more than it is allowed. One test, since the limit
 //! counts for the whole process.
 
 use cap::Cap;
+use runtime::data::mesh::read_mesh_from;
 use runtime::data::{Memory, read_header, read_volume, read_volume_from};
 use std::alloc::System;
 use std::io::Write;
@@ -82,4 +83,20 @@ fn voxels_are_held_once_and_headers_are_not_believed() {
     // A header without end: a megabyte is looked at, as bytes and as fields.
     let files = Memory::one("a.nrrd", [b"NRRD0004\n".to_vec(), vec![b':'; 5 << 20]].concat());
     assert!(within((5 << 20) + 2 * SLACK, || read_volume_from(&files, Path::new("a.nrrd"))).is_err());
+
+    // Counts of a PLY header, and lengths of its lists.
+    let corners = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let list = "property list uint int vertex_indices\n";
+    let body = [&[0; 36][..], &u32::MAX.to_le_bytes(), &[0; 12]].concat();
+    for (counts, code) in [
+        (corners.replace('3', "4000000000"), "E0613"),
+        (format!("{corners}element face 4000000000\n{list}"), "E0613"),
+        (format!("{corners}element face 1\n{list}"), "E0613"),
+        (format!("{corners}element nothing 4000000000\nelement face 1\n{list}"), "E0613"),
+    ] {
+        let start = format!("ply\nformat binary_little_endian 1.0\n{counts}end_header\n");
+        let files = Memory::one("a.ply", [start.as_bytes(), &body].concat());
+        let error = within(SLACK, || read_mesh_from(&files, Path::new("a.ply"))).map(|_| ()).unwrap_err();
+        assert_eq!(error.code, code, "{counts}: {}", error.message);
+    }
 }

@@ -133,7 +133,7 @@ fn substitute(graph: &mut Graph, root: NodeId, input: NodeId, by: NodeId) -> Nod
         if id == input {
             continue;
         }
-        let old = graph.op(id).clone();
+        let old = *graph.op(id);
         let new = Graph::map_operands(&old, |a| map[a.0 as usize]);
         if new != old {
             map[id.0 as usize] = graph.push(new);

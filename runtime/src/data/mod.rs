@@ -1,4 +1,5 @@
-//! Readers of volume files: NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`, `.hdr` + `.img`) and NRRD (`.nrrd`, `.nhdr`).
+//! Readers of volume files: NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`, `.hdr` + `.img`) and NRRD (`.nrrd`, `.nhdr`); files of
+//! triangles are in [`mesh`].
 //!
 //! What kind of file it is decides its content; the ending matters only for the wording of errors.
 //!
@@ -21,6 +22,7 @@
 mod affine;
 mod body;
 mod input;
+pub mod mesh;
 mod nifti;
 mod nrrd;
 #[cfg(test)]
@@ -41,12 +43,12 @@ use std::path::Path;
 /// The largest volume that is read: 16 GiB of voxels.
 pub const MAX_BYTES: u64 = 16 << 30;
 
-/// Something about a volume that is worth telling and that did not stop it from loading.
+/// Something about a file that is worth telling and that did not stop it from loading.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadWarning {
     /// A diagnostic code of the range `W06xx`.
     pub code: &'static str,
-    /// [`Severity::Warning`] if voxels or units were changed or guessed, [`Severity::Note`] for a mere fact.
+    /// [`Severity::Warning`] if data or units were changed or guessed, [`Severity::Note`] for a mere fact.
     pub severity: Severity,
     /// One sentence with the counts and the first place.
     pub message: String,

@@ -1,8 +1,9 @@
 //! The files of the machine, for the compiler and for the engines.
 
+use crate::data::mesh::{self, Mesh};
 use crate::data::{self, LoadWarning, Volume};
-use compiler::ir::GridInfo;
-use compiler::loader::{GridHeader, LoadError, Loader};
+use compiler::ir::{GridInfo, MeshInfo};
+use compiler::loader::{GridHeader, LoadError, Loader, MeshHeader};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -13,7 +14,7 @@ pub const STDIN: &str = "-";
 /// Texts longer than this are no scenes.
 const MAX_TEXT: u64 = 64 << 20;
 
-/// Reads modules and grids from the file system. Paths in a scene are relative to the file that names them; names of
+/// Reads modules, grids and meshes from the file system. Paths in a scene are relative to the file that names them; names of
 /// sources are relative to `root`, and the scene from standard input lies in `root` itself.
 #[derive(Clone, Debug)]
 pub struct FileLoader {
@@ -90,16 +91,40 @@ impl FileLoader {
             let (volume, warnings) = data::read_volume(&self.root.join(&name)).map_err(|e| (e, i))?;
             // By their text: a number that is not one differs from itself, and must not here.
             if format!("{:?}", volume.header()) != format!("{:?}", grid.header) {
-                let error = LoadError {
-                    code: "E0601",
-                    message: format!("`{name}` changed while it was read"),
-                    hint: Some("start again".into()),
-                };
-                return Err((error, i));
+                return Err((changed(&name), i));
             }
             loaded.push(Loaded { name, volume: Arc::new(volume), warnings });
         }
         Ok(loaded)
+    }
+
+    /// Reads the meshes of a program, each file once. Element `i` is mesh `i`.
+    ///
+    /// # Errors
+    /// What the readers report, with the number of the mesh.
+    pub fn meshes(&self, meshes: &[MeshInfo]) -> Result<Vec<LoadedMesh>, (LoadError, usize)> {
+        let mut loaded: Vec<LoadedMesh> = vec![];
+        for (i, info) in meshes.iter().enumerate() {
+            let name = Self::resolve(&info.from, &info.path);
+            if let Some(same) = loaded.iter().find(|l| l.name == name) {
+                loaded.push(LoadedMesh { warnings: vec![], ..same.clone() });
+                continue;
+            }
+            let (mesh, warnings) = mesh::read_mesh(&self.root.join(&name)).map_err(|e| (e, i))?;
+            if mesh.header() != info.header {
+                return Err((changed(&name), i));
+            }
+            loaded.push(LoadedMesh { name, mesh: Arc::new(mesh), warnings });
+        }
+        Ok(loaded)
+    }
+}
+
+fn changed(name: &str) -> LoadError {
+    LoadError {
+        code: "E0601",
+        message: format!("`{name}` changed while it was read"),
+        hint: Some("start again".into()),
     }
 }
 
@@ -114,6 +139,17 @@ pub struct Loaded {
     pub warnings: Vec<LoadWarning>,
 }
 
+/// One mesh in memory.
+#[derive(Clone, Debug)]
+pub struct LoadedMesh {
+    /// Name of the file.
+    pub name: String,
+    /// Its triangles, in metres.
+    pub mesh: Arc<Mesh>,
+    /// What is worth telling; once for each file.
+    pub warnings: Vec<LoadWarning>,
+}
+
 impl Loader for FileLoader {
     fn module(&self, from: &str, path: &str) -> Result<(String, String), LoadError> {
         let name = Self::resolve(from, path);
@@ -122,6 +158,10 @@ impl Loader for FileLoader {
 
     fn grid(&self, from: &str, path: &str) -> Result<GridHeader, LoadError> {
         data::read_header(&self.root.join(Self::resolve(from, path)))
+    }
+
+    fn mesh(&self, from: &str, path: &str) -> Result<MeshHeader, LoadError> {
+        mesh::read_mesh_header(&self.root.join(Self::resolve(from, path)))
     }
 }
 
@@ -158,5 +198,26 @@ mod tests {
             assert!(error.message.contains(what), "{}", error.message);
         }
         assert_eq!(loader.grid(STDIN, "c.nii").expect_err("is missing").code, "E0601");
+    }
+
+    #[test]
+    fn meshes_are_found_beside_the_scene_and_read_once() {
+        let folder = tempfile::tempdir().expect("a scratch folder");
+        fs::create_dir(folder.path().join("scenes")).expect("made");
+        let file = folder.path().join("scenes/t.obj");
+        fs::write(&file, "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\nf 1 1 2\n").expect("written");
+        let loader = FileLoader::new(folder.path());
+        let header = loader.mesh("scenes/a.vol", "t.obj").expect("reads");
+        assert_eq!(header, MeshHeader { triangles: 1, bounds: ([0.0; 3], [1.0, 2.0, 0.0]) });
+        let info = |path: &str| MeshInfo { path: path.into(), from: "scenes/a.vol".into(), span: None, header };
+        let infos = [info("t.obj"), info("../scenes/t.obj")];
+        let loaded = loader.meshes(&infos).expect("reads");
+        assert!(Arc::ptr_eq(&loaded[0].mesh, &loaded[1].mesh));
+        assert_eq!(loaded[0].warnings.len(), 1);
+        assert_eq!(loaded[1].warnings.len(), 0);
+        let (error, at) = loader.meshes(&[info("t.obj"), info("u.obj")]).expect_err("is missing");
+        assert_eq!((error.code, at), ("E0601", 1));
+        fs::write(&file, "v 0 0 0\nv 1 0 0\nv 0 3 0\nf 1 2 3\n").expect("written");
+        assert!(loader.meshes(&infos).expect_err("changed").0.message.contains("changed"));
     }
 }

@@ -10,6 +10,7 @@ mod faults;
 mod loader;
 mod measure;
 mod params;
+mod paths;
 mod samples;
 mod session;
 #[cfg(test)]
@@ -20,7 +21,7 @@ pub use bounds::{Ball, scene_bounds};
 pub use camera::{Camera, View};
 pub use eye::{Eye, Frame, pack_ray, white};
 pub use faults::FaultTally;
-pub use loader::{FileLoader, Loaded, STDIN};
+pub use loader::{FileLoader, Loaded, LoadedMesh, STDIN};
 pub use measure::Measured;
 pub use params::Params;
 pub use samples::{sample_offsets, stratified_pixels};

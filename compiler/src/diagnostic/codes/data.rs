@@ -1,4 +1,4 @@
-//! E06xx: data files and run time. 01 to 19 are volume files, 20 to 29 pictures; engines take 30 and up.
+//! E06xx: data files and run time. 01 to 10 are volume files, 11 to 19 meshes, 20 to 29 pictures; engines take 30 and up.
 
 use super::CodeInfo;
 
@@ -108,6 +108,56 @@ fits their type, such as `300` in a grid of 8-bit numbers. Copy the file again.
 ",
     },
     CodeInfo {
+        code: "E0611",
+        title: "the kind of a mesh file is not known",
+        explanation: "\
+Triangles are read from Wavefront OBJ (`.obj`) and from PLY (`.ply`, as text or binary). A PLY file is known by its first
+word, an OBJ file by its ending and by its corners (`v`) and faces (`f`). Convert STL, glTF, FBX and others in the program
+that made them, or with Blender or MeshLab. Coordinates are metres.
+",
+    },
+    CodeInfo {
+        code: "E0612",
+        title: "a mesh file is broken",
+        explanation: "\
+The file does not keep to its format: a line that is no part of it, a word where a number belongs, a face of fewer than
+three corners, or corners without `x`, `y` and `z`. The message names the line or the element. Export the file again.
+",
+    },
+    CodeInfo {
+        code: "E0613",
+        title: "a mesh file holds less than its header promises",
+        explanation: "\
+The header of a PLY file says how many corners and faces follow; fewer do. The file was cut off by an interrupted copy or
+download, or its header was edited. Nothing is drawn from part of a mesh.
+",
+    },
+    CodeInfo {
+        code: "E0614",
+        title: "a face names a corner that does not exist",
+        explanation: "\
+Faces name their corners by number: in OBJ from 1, or from −1 backwards, in PLY from 0. The number in the message is
+outside of what the file has. Files put together from several by hand are a usual cause: the numbers of the second part
+must be raised by the corners of the first.
+",
+    },
+    CodeInfo {
+        code: "E0615",
+        title: "a mesh has no triangle that could be seen",
+        explanation: "\
+The file has corners but no faces, or all of its triangles have no area or a corner that is not finite. Clouds of points,
+lines, free-form curves and triangle strips are not read: export polygons.
+",
+    },
+    CodeInfo {
+        code: "E0616",
+        title: "a mesh is too large",
+        explanation: "\
+Meshes of up to 2^26 (67 million) triangles are read. Reduce the mesh first, for example with the decimation of Blender or
+MeshLab.
+",
+    },
+    CodeInfo {
         code: "E0620",
         title: "a picture cannot be written",
         explanation: "\
@@ -185,27 +235,27 @@ orthographic picture must be positive. Look at the params that the camera uses.
 ",
     },
     CodeInfo {
+        code: "E0655",
+        title: "no upper bound is known of a coefficient",
+        explanation: "Light that is scattered more than once is followed along random paths. Where a medium has no closed form, \
+collisions are found by a bound that its coefficient never exceeds (a majorant), worked out by interval arithmetic from \
+the scene, the values of its params and the voxels of its grids. A field without a bound, such as `1/length(p)`, must be clamped, \
+and a medium without a closed form that never ends needs a `shape`:\n\n\
+```\nmedium glow { shape = sphere(center: (0,0,0) m, radius: 1 m)  k_s = min(100, 1 m / length(p)) /m }\n```",
+    },
+    CodeInfo {
+        code: "E0656",
+        title: "the graphics driver ended loops early",
+        explanation: "Some drivers, software ones above all, end every loop of a shader once 65535 rounds have been taken in all, and \
+report nothing. A kernel notices it at its end, and the picture is refused where that happened. Ask for less: a larger \
+`accuracy`, fewer `steps`, a simpler field; or let the processor draw with `--engine cpu`.",
+    },
+    CodeInfo {
         code: "E0654",
         title: "a ray or the values of params do not fit",
         explanation: "\
 A ray needs a finite origin and a direction that is not zero, and each param of the scene needs as many numbers as its
 type has.
-",
-    },
-    CodeInfo {
-        code: "E0655",
-        title: "a medium is not made for multiple scattering",
-        explanation: "\
-Random paths need to know how dense a medium can be at most, and that it ends somewhere. Uniform and exponential media
-are fine as they are; others need a bounded `shape`, and fields that do not grow beyond all bounds within it.
-
-Wrong, since the field has no largest value:
-
-    medium mist { k_s = 1 /m / length(p / 1 m) }
-
-Right:
-
-    medium mist { shape = sphere(center: (0,0,0) m, radius: 5 m)  k_s = 1 /m / max(length(p / 1 m), 0.1) }
 ",
     },
     CodeInfo {
@@ -239,6 +289,15 @@ negative, however: put a transfer function or `max(0, …)` between the grid and
         explanation: "\
 NRRD headers name units as free text. km, m, cm, mm, um and nm are known, in their usual spellings; anything else is
 taken for millimetres, and so is a missing unit, silently.
+",
+    },
+    CodeInfo {
+        code: "W0605",
+        title: "triangles were left out",
+        explanation: "\
+Triangles whose corners lie on one line have no area and cannot be seen; those with a corner that is NaN or infinite (or
+does not fit 32-bit floating point) have no place. Both are left out. The message counts them and gives the first. Exact
+duplicates of corners after an export are the usual cause and harmless.
 ",
     },
 ];

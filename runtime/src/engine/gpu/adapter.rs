@@ -174,6 +174,12 @@ impl Needs {
                     let bytes = table.keys.len() as u64 * (u64::from(table.width) + 1) * 4;
                     needs.storage_bytes = needs.storage_bytes.max(bytes);
                 }
+                Binding::Mesh(id) => {
+                    // Never more nodes than twice the triangles, and a first row.
+                    let triangles = u64::from(program.optimised.meshes[id.0 as usize].header.triangles);
+                    needs.storage_buffers += 1;
+                    needs.storage_bytes = needs.storage_bytes.max(32 + triangles * (2 * 32 + 36));
+                }
                 Binding::Rays | Binding::Records => {
                     needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(TILE_BYTES);

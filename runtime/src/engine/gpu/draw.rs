@@ -4,7 +4,7 @@ use super::adapter::{Gpu, TILE_BYTES};
 use super::errors::{GpuError, GpuErrorKind};
 use super::pipelines::Pipelines;
 use super::readback::{Flight, Slot};
-use super::resources::{GridData, Resources};
+use super::resources::{Resources, SceneData};
 use super::tiles::{Pace, Walk};
 use super::uniforms::{Block, Part};
 use crate::frame::Frame;
@@ -71,7 +71,7 @@ pub struct Prepared {
 }
 
 impl Gpu {
-    /// Compiles the kernels and uploads the grids. `shaders[i]` is kernel `i`; `grids[i]` is grid `i` of the program's graph.
+    /// Compiles the kernels and uploads what they read. `shaders[i]` is kernel `i`.
     ///
     /// # Errors
     /// When memory does not suffice or the driver refuses.
@@ -79,19 +79,19 @@ impl Gpu {
         self: &Arc<Self>,
         program: &Arc<Program>,
         shaders: Vec<Shader>,
-        grids: &[GridData<'_>],
+        data: SceneData<'_>,
     ) -> Result<Prepared, GpuError> {
-        self.prepare_modules(program, shaders.into_iter().map(|s| s.module).collect(), grids)
+        self.prepare_modules(program, shaders.into_iter().map(|s| s.module).collect(), data)
     }
 
     pub(super) fn prepare_modules(
         self: &Arc<Self>,
         program: &Arc<Program>,
         modules: Vec<naga::Module>,
-        grids: &[GridData<'_>],
+        data: SceneData<'_>,
     ) -> Result<Prepared, GpuError> {
         let pipelines = Pipelines::new(self, program, modules)?;
-        let resources = Resources::new(self, program, grids)?;
+        let resources = Resources::new(self, program, data)?;
         Ok(Prepared {
             gpu: Arc::clone(self),
             program: Arc::clone(program),

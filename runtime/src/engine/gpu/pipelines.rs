@@ -44,7 +44,7 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
             view_dimension: wgpu::TextureViewDimension::D3,
             multisampled: false,
         },
-        Binding::Table(_) | Binding::Rays => storage(true),
+        Binding::Table(_) | Binding::Mesh(_) | Binding::Rays => storage(true),
         Binding::Records => storage(false),
     }
 }

@@ -75,6 +75,7 @@ impl Slot {
         });
         gpu.watch.check()?;
         let (mut grids, mut tables) = (resources.grids.iter(), resources.tables.iter());
+        let mut meshes = resources.meshes.iter();
         let mut entries = vec![];
         for (binding, b) in (0..).zip(&plan.bindings) {
             let resource = match b {
@@ -82,6 +83,7 @@ impl Slot {
                 Binding::Rays => rays.as_ref().map(wgpu::Buffer::as_entire_binding),
                 Binding::Records => Some(records.as_entire_binding()),
                 Binding::Grid(_) => grids.next().map(wgpu::BindingResource::TextureView),
+                Binding::Mesh(_) => meshes.next().map(wgpu::Buffer::as_entire_binding),
                 Binding::Table(_) => tables.next().map(|(_, b, _)| b.as_entire_binding()),
             };
             entries.extend(resource.map(|resource| wgpu::BindGroupEntry { binding, resource }));

@@ -249,6 +249,10 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     let noise = wrong.map_or(0.0, |w| w[band].iter().fold(0.0f64, |m, x| m.max(*x)));
                     solve_noisy(h, &sigma[band], &emission[band], noise)
                 };
+                // Where nothing can be seen any more, coefficients near the end of f64 overflow to no harm.
+                if self.opaque[band] && !(slices[band].tau.is_finite() && slices[band].radiance.is_finite()) {
+                    slices[band] = Slice { tau: LARGEST, ..Slice::default() };
+                }
                 // Seen through what of the panel lies before it.
                 let reach = if slices[band].tau > 0.0 { super::panel::phi(slices[band].tau) } else { 1.0 };
                 inner[band] = wrong.map_or(0.0, |w| h * reach * w[band].iter().fold(0.0f64, |m, x| m.max(*x)));
