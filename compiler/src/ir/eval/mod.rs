@@ -1,6 +1,7 @@
 //! Evaluation in f64 on the CPU: the definition that every other evaluator is tested against.
 
 mod grid;
+pub mod mie;
 mod sphere;
 mod tape;
 
