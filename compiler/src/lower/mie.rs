@@ -209,6 +209,9 @@ fn percent(share: f64) -> String {
 
 /// A length with a unit that suits it.
 fn metres(length: f64) -> String {
+    if length < 1e-11 {
+        return format!("{:.1e} nm", length * 1e9);
+    }
     let (scale, unit) = match length {
         l if l < 1e-6 => (1e9, "nm"),
         l if l < 1e-3 => (1e6, "um"),

@@ -4,8 +4,8 @@
 //! eight Gauss–Legendre nodes on the whole and on the halves agree.
 
 use super::tape::{Environment, LANES, Scratch, Tape};
-use super::{NoVoxels, Tables};
-use crate::ir::{Graph, NodeId};
+use super::{Tables, Voxels};
+use crate::ir::{Graph, GridId, NodeId};
 use std::collections::BinaryHeap;
 
 /// Nodes and weights of the eight-point Gauss–Legendre rule on [−1, 1] (Abramowitz and Stegun, table 25.4), the positive half.
@@ -39,6 +39,7 @@ const MOST: usize = 1 << 13;
 struct Integrator<'a> {
     tape: Tape,
     environment: Environment<'a>,
+    voxels: &'a dyn Voxels,
     facts: PhaseFacts,
     left: usize,
 }
@@ -55,7 +56,7 @@ impl Integrator<'_> {
             weights[2 * i + 1] = w * half;
         }
         self.left = self.left.saturating_sub(1);
-        self.tape.run(&self.environment, &NoVoxels, scratch);
+        self.tape.run(&self.environment, self.voxels, scratch);
         let mut sums = vec![[0.0; 2]; self.tape.width(0)];
         for (band, sum) in sums.iter_mut().enumerate() {
             for (lane, value) in self.tape.component(scratch, 0, band).iter().enumerate() {
@@ -110,7 +111,7 @@ impl Integrator<'_> {
 /// Integrates a phase function of [`crate::ir::Input::CosTheta`], all other inputs as given: the part that is worst is halved
 /// next. The relative error of the integral is about 1e-11 where the function is smooth.
 #[must_use]
-pub fn phase_facts(graph: &Graph, node: NodeId, environment: &Environment<'_>) -> PhaseFacts {
+pub fn phase_facts(graph: &Graph, node: NodeId, environment: &Environment<'_>, voxels: &dyn Voxels) -> PhaseFacts {
     let tape = Tape::new(graph, &[node]);
     let mut scratch = tape.scratch();
     let bands = tape.width(0);
@@ -122,7 +123,7 @@ pub fn phase_facts(graph: &Graph, node: NodeId, environment: &Environment<'_>) -
         most: 0.0,
         diverges: false,
     };
-    let mut integrator = Integrator { tape, environment: environment.clone(), facts, left: MOST };
+    let mut integrator = Integrator { tape, environment: environment.clone(), voxels, facts, left: MOST };
     let mut cuts: Vec<f64> = (1..=52).map(|k| 1.0 - 2f64.powi(-k)).collect();
     cuts.extend(cuts.clone().iter().map(|c| -c));
     cuts.extend([0.0, 1.0, -1.0]);
@@ -160,21 +161,53 @@ pub fn phase_facts(graph: &Graph, node: NodeId, environment: &Environment<'_>) -
             facts.moment[i] += scale * sum[1];
         }
     }
+    // In the narrowest lobes the cosine itself is rounded.
+    facts.uncertainty += 0.5 * f64::EPSILON * scale * facts.most;
     facts.diverges |= !(facts.uncertainty <= 1e-2 * scale * size);
     facts
 }
 
-/// The same at values of parameters, without position: what is known when compiling.
+/// What else a phase function may depend on.
+#[derive(Copy, Clone, Debug)]
+pub struct PhasePlace<'a> {
+    /// In the graph's units.
+    pub params: &'a [Vec<f64>],
+    /// In the graph's units; its second part stands for altitudes.
+    pub position: [f64; 3],
+    /// A unit vector.
+    pub direction: [f64; 3],
+    /// Seconds.
+    pub time: f64,
+    /// Of every voxel of every grid.
+    pub voxel: f64,
+}
+
+struct Everywhere(f64);
+
+impl Voxels for Everywhere {
+    fn voxel(&self, _grid: GridId, _index: [u32; 3]) -> f64 {
+        self.0
+    }
+}
+
+/// [`phase_facts`] at one place.
 #[must_use]
-pub fn phase_facts_at(graph: &Graph, node: NodeId, params: &[Vec<f64>], position: [f64; 3]) -> PhaseFacts {
-    let tables = Tables::evaluate(graph, params, 0.0);
+pub fn phase_facts_in(graph: &Graph, node: NodeId, place: &PhasePlace<'_>) -> PhaseFacts {
+    let tables = Tables::evaluate(graph, place.params, place.time);
     let environment = Environment {
-        position: position.map(|x| [x; LANES]),
-        direction: [[0.0; LANES], [0.0; LANES], [1.0; LANES]],
-        params,
+        position: place.position.map(|x| [x; LANES]),
+        direction: place.direction.map(|x| [x; LANES]),
+        time: place.time,
+        params: place.params,
         tables: &tables,
-        altitudes: &[[position[1]; LANES]; 16],
+        altitudes: &[[place.position[1]; LANES]; 16],
         ..Environment::default()
     };
-    phase_facts(graph, node, &environment)
+    phase_facts(graph, node, &environment, &Everywhere(place.voxel))
+}
+
+/// [`phase_facts`] at values of parameters and a position, where nothing else matters.
+#[must_use]
+pub fn phase_facts_at(graph: &Graph, node: NodeId, params: &[Vec<f64>], position: [f64; 3]) -> PhaseFacts {
+    phase_facts_in(graph, node, &PhasePlace { params, position, direction: [0.0, 0.0, 1.0], time: 0.0, voxel: 0.0 })
 }
