@@ -3,7 +3,7 @@
 use crate::build::*;
 use crate::{Place, close, codes, here, in_units, metres, value};
 use compiler::check::hir::*;
-use compiler::ir::{self, Aa, Backend, FieldScene, Scattering, Units, print};
+use compiler::ir::{self, Aa, Backend, FieldScene, Units, print};
 use compiler::lower::{choose_units, lower_scaled, pending};
 use compiler::syntax::ast::{BinaryOp, BlockKind};
 
@@ -216,33 +216,15 @@ fn projections_of_data() {
 fn what_is_not_there_yet_is_said() {
     let found = |scene: &Scene| pending(scene).iter().map(|d| d.code).collect::<Vec<_>>();
     let mut scene = scene();
-    scene.media.push(Medium { k_s: Some(per_m(1.0)), ..medium("milk") });
-    scene.lights.push(Light {
-        name: "sky".into(),
-        span: span(0),
-        kind: LightKind::Environment { radiance: quantity(1.0, dimension(0, 1)) },
-    });
-    assert_eq!(found(&scene), [""; 0], "scattering = none says so already");
-    scene.render.scattering = Scattering::Single;
-    assert_eq!(found(&scene), ["W0901"]);
-    scene.media[0].k_s = None;
-    assert_eq!(found(&scene), [""; 0]);
-
-    scene.surfaces.push(Surface {
-        name: "floor".into(),
-        span: span(1),
-        shape: SurfaceShape::Plane { point: m3(0.0, 0.0, 0.0), normal: v3(0.0, 1.0, 0.0) },
-        albedo: None,
-    });
     for (kind, name) in [(BlockKind::Text, "title"), (BlockKind::Style, "caption"), (BlockKind::Splats, "room")] {
         scene.pending.push(Pending { kind, name: name.into(), span: span(2) });
     }
     scene.render.backend = Backend::Slicing;
     scene.image.aa = Aa::Smaa;
-    assert_eq!(found(&scene), ["W0902", "W0903", "W0904", "E0905", "W0907"]);
+    assert_eq!(found(&scene), ["W0903", "W0904", "E0905", "W0907"]);
     scene.render.backend = Backend::Splatting;
     scene.image.aa = Aa::Ssaa(4);
-    assert_eq!(found(&scene), ["W0902", "W0903", "W0904", "E0906"]);
+    assert_eq!(found(&scene), ["W0903", "W0904", "E0906"]);
     let sources = {
         let mut sources = compiler::source::Sources::default();
         sources.add("scene.vol", "abcdef\n");

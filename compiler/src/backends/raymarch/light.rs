@@ -231,7 +231,7 @@ impl Tracer<'_> {
         let share = Expr::F32(2.0 / f64::from(count)) / (Expr::F32(2.0) - cap.clone());
         let e = code.bind("irradiance", Ty::float(lw), irradiance * share.splat(lw));
         let frame = Self::across(code, to);
-        let i = code.var("sample", Ty::F32, 0.0);
+        let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let mu = Expr::F32(1.0) - cap * ((Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
@@ -308,7 +308,7 @@ impl Tracer<'_> {
             Receiver::Path { .. } | Receiver::Sharp => return,
         };
         let frame = Self::across(code, &axis);
-        let i = code.var("sample", Ty::F32, 0.0);
+        let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
@@ -383,7 +383,7 @@ impl Tracer<'_> {
             }
             Receiver::Medium { .. } | Receiver::Path { .. } | Receiver::Sharp => Expr::F32(4.0 * PI / f64::from(SKY)),
         };
-        let i = code.var("sample", Ty::F32, 0.0);
+        let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
         let to = Self::sky_direction(code, &i.into());

@@ -4,18 +4,6 @@ use super::CodeInfo;
 
 pub(super) const CODES: &[CodeInfo] = &[
     CodeInfo {
-        code: "W0901",
-        title: "in-scattered light is not drawn yet",
-        explanation: "The scene has something that scatters and light to scatter. The picture shows how scattering weakens the \
-light that passes (extinction), and emission, but not yet the light that is scattered towards the eye: it is \
-`scattering = none` for now. Write that in `render` to silence the warning.",
-    },
-    CodeInfo {
-        code: "W0902",
-        title: "surfaces are not drawn yet",
-        explanation: "A `surface` is checked, but rays pass through it, and it casts no shadow.",
-    },
-    CodeInfo {
         code: "W0903",
         title: "text is not drawn yet",
         explanation: "A `text` and its `style` are checked, but nothing of them is in the picture.",
