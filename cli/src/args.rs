@@ -65,6 +65,12 @@ pub(crate) struct Schedule {
     /// Instead of `render.steps`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) steps: Option<u32>,
+    /// Paths of each pixel or ray with `scattering = multiple`, instead of `render.samples`
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) samples: Option<u32>,
+    /// Of random numbers, and of the pixels that are compared with the reference
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
 }
 
 impl Schedule {
@@ -74,6 +80,7 @@ impl Schedule {
             scattering: self.scattering.map(ScatteringName::scattering),
             accuracy: self.accuracy,
             steps: self.steps,
+            samples: self.samples,
             ..options
         }
     }
@@ -132,9 +139,6 @@ pub(crate) struct Render {
     /// Seconds; with --frames, of frame 0
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
     pub(crate) time: f64,
-    /// Which pixels are compared with the reference
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
     /// Bits of a PNG sample
     #[arg(long, default_value = "8", value_parser = ["8", "16"])]
     pub(crate) depth: String,
@@ -234,12 +238,6 @@ pub(crate) struct Probe {
     /// Seconds
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
     pub(crate) time: f64,
-    /// Samples of a stochastic engine; none of today's is
-    #[arg(long, hide = true)]
-    pub(crate) samples: Option<u32>,
-    /// Seed of a stochastic engine; none of today's is
-    #[arg(long, hide = true)]
-    pub(crate) seed: Option<u64>,
 }
 
 #[derive(Debug, Args)]

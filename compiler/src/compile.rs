@@ -73,6 +73,10 @@ fn apply(options: &Options, scene: &mut FieldScene) {
         render.steps = None;
     }
     render.steps = options.steps.or(render.steps);
+    if options.accuracy.is_some() {
+        render.samples = None;
+    }
+    render.samples = options.samples.or(render.samples);
     scene.image.size = options.size.unwrap_or(scene.image.size);
     scene.image.aa = options.aa.unwrap_or(scene.image.aa);
 }

@@ -20,6 +20,8 @@ pub struct Options {
     pub accuracy: Option<f64>,
     /// Instead of `render.scattering`.
     pub scattering: Option<Scattering>,
+    /// Instead of `render.samples`.
+    pub samples: Option<u32>,
     /// Instead of `image.size`.
     pub size: Option<[u32; 2]>,
     /// Instead of `image.aa`.
@@ -36,6 +38,7 @@ impl Default for Options {
             steps: None,
             accuracy: None,
             scattering: None,
+            samples: None,
             size: None,
             aa: None,
         }

@@ -5,17 +5,16 @@ use compiler::{Options, compile};
 use criterion::{Criterion, criterion_group, criterion_main};
 use runtime::frame::FileLoader;
 use std::hint::black_box;
-use tyndall_tests::{files, root};
+use tyndall_tests::{files, name, root, text};
 
 fn to_wgsl(c: &mut Criterion) {
     let loader = FileLoader::new(root().join("examples"));
     let mut group = c.benchmark_group("text to validated WGSL");
     for path in files("examples", "vol") {
-        let name = path.file_stem().and_then(|n| n.to_str()).expect("a name").to_owned();
-        let text = std::fs::read_to_string(&path).expect("the scene is text");
-        group.bench_function(&name, |b| {
+        let (name, text) = (name(&path), text(&path));
+        group.bench_function(name, |b| {
             b.iter(|| {
-                let out = compile(&name, black_box(&text), &loader, &Options::default());
+                let out = compile(name, black_box(&text), &loader, &Options::default());
                 let program = out.program.expect("the example compiles");
                 let shaders = program.kernels.iter().map(|k| emit(k).expect("a shader").wgsl().expect("WGSL"));
                 shaders.map(|s| s.len()).sum::<usize>()

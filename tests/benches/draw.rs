@@ -1,24 +1,21 @@
 //! Frames and field evaluations. Times are those of the machine; evaluations are counted and are not.
 
 use compiler::Options;
+use compiler::ir::Aa;
 use compiler::program::OutputKind;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use runtime::frame::{EngineChoice, FileLoader, Params, Session, Settings};
-use tyndall_tests::root;
+use runtime::frame::{EngineChoice, Session};
+use std::path::PathBuf;
+use tyndall_tests::{draw, open, root};
 
-fn open(name: &str, size: [u32; 2], engine: EngineChoice) -> Option<Session> {
-    let path = root().join("examples").join(name).with_extension("vol");
-    let text = std::fs::read_to_string(path).expect("the example exists");
-    let mut options = Options { size: Some(size), aa: Some(compiler::ir::Aa::None), ..Options::default() };
+fn example(name: &str) -> PathBuf {
+    root().join("examples").join(name).with_extension("vol")
+}
+
+fn one_ray_per_pixel(name: &str, size: [u32; 2], engine: EngineChoice) -> Option<Session> {
+    let mut options = Options { size: Some(size), aa: Some(Aa::None), ..Options::default() };
     options.outputs.push(OutputKind::Evaluations);
-    let settings = Settings { options, engine, ..Settings::default() };
-    match Session::open(name, &text, &FileLoader::new(root().join("examples")), settings) {
-        Ok(session) => Some(session),
-        Err(trouble) => {
-            eprintln!("{name}: {}", compiler::diagnostic::render(&trouble.diagnostics, &trouble.sources));
-            None
-        }
-    }
+    open(&example(name), options, engine)
 }
 
 /// A frame at 512², one ray per pixel, at the example's own accuracy.
@@ -26,11 +23,8 @@ fn frames(c: &mut Criterion) {
     let mut group = c.benchmark_group("frame at 512x512 on the GPU");
     group.sample_size(10);
     for name in ["brain", "nebula"] {
-        let Some(mut session) = open(name, [512, 512], EngineChoice::Gpu) else { continue };
-        let params = Params::defaults(&session.program().lowered);
-        group.bench_function(name, |b| {
-            b.iter(|| session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| panic!("{:?}", t.diagnostics)));
-        });
+        let Some(mut session) = one_ray_per_pixel(name, [512, 512], EngineChoice::Gpu) else { continue };
+        group.bench_function(name, |b| b.iter(|| draw(&example(name), &mut session)));
     }
 }
 
@@ -43,13 +37,11 @@ fn evaluations(c: &mut Criterion) {
         (EngineChoice::Cpu, "cpu", [48, 48]),
         (EngineChoice::Reference, "reference", [16, 16]),
     ] {
-        let Some(mut session) = open("nebula", size, engine) else { continue };
-        let params = Params::defaults(&session.program().lowered);
-        let drawn = session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
+        let Some(mut session) = one_ray_per_pixel("nebula", size, engine) else { continue };
+        let path = example("nebula");
+        let drawn = draw(&path, &mut session);
         group.throughput(Throughput::Elements(drawn.evaluations.unwrap_or(0)));
-        group.bench_function(BenchmarkId::from_parameter(word), |b| {
-            b.iter(|| session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| panic!("{:?}", t.diagnostics)));
-        });
+        group.bench_function(BenchmarkId::from_parameter(word), |b| b.iter(|| draw(&path, &mut session)));
     }
 }
 

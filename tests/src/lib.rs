@@ -1,5 +1,9 @@
-//! What the suites share: expectations that stand in the scenes themselves.
+//! What the suites share: finding scenes, opening them on an engine, and the expectations that stand in the scenes themselves.
 
+use compiler::Options;
+use runtime::frame::{
+    Cause, Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble,
+};
 use std::path::{Path, PathBuf};
 
 /// The top folder of the project.
@@ -20,6 +24,88 @@ pub fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
     files.sort();
     assert!(!files.is_empty(), "no .{ending} in {folder}");
     files
+}
+
+/// The text of a scene.
+///
+/// # Panics
+/// If it cannot be read.
+#[must_use]
+pub fn text(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The name of a scene without folder and ending.
+///
+/// # Panics
+/// If it has none.
+#[must_use]
+pub fn name(path: &Path) -> &str {
+    path.file_stem().and_then(|n| n.to_str()).expect("a scene has a name")
+}
+
+/// Runs a check on every scene of a folder, and fails with all that is wrong with any of them. `None` from the check says
+/// that this machine cannot run it, which ends the test.
+///
+/// # Panics
+/// If something is wrong.
+pub fn every_scene(folder: &str, mut check: impl FnMut(&Path) -> Option<Vec<String>>) {
+    let mut wrong = vec![];
+    for path in files(folder, "vol") {
+        let Some(found) = check(&path) else { return };
+        wrong.extend(found.into_iter().map(|f| format!("{}: {f}", path.display())));
+    }
+    assert!(wrong.is_empty(), "{} things are wrong:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// Opens a scene; `None`, with a note, where the machine lacks the engine.
+///
+/// # Panics
+/// If anything is wrong with the scene, or if the engine must be there (see [`runtime::engine::skip_without_adapter`]).
+#[must_use]
+pub fn open(path: &Path, options: Options, engine: EngineChoice) -> Option<Session> {
+    let settings = Settings { options, engine, ..Settings::default() };
+    let loader = FileLoader::new(path.parent().expect("a scene lies in a folder"));
+    match Session::open(name(path), &text(path), &loader, settings) {
+        Ok(session) => Some(session),
+        Err(trouble) if trouble.cause == Cause::Machine => {
+            runtime::engine::skip_without_adapter();
+            None
+        }
+        Err(trouble) => fail(path, &trouble),
+    }
+}
+
+/// Ends the test with what an engine had to say.
+///
+/// # Panics
+/// Always.
+pub fn fail(path: &Path, trouble: &Trouble) -> ! {
+    panic!("{}: {}", path.display(), compiler::diagnostic::render(&trouble.diagnostics, &trouble.sources))
+}
+
+/// A scene's picture with its parameters as written, at time 0.
+///
+/// # Panics
+/// If it cannot be drawn.
+pub fn draw(path: &Path, session: &mut Session) -> Drawing {
+    let params = Params::defaults(&session.program().lowered);
+    session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| fail(path, &t))
+}
+
+/// The expectations of a scene with the answers of an engine; `None` where the machine lacks the engine.
+///
+/// # Panics
+/// If the scene expects nothing, or cannot be probed.
+#[must_use]
+pub fn probe(path: &Path, options: Options, engine: EngineChoice) -> Option<Vec<(Expectation, RayAnswer)>> {
+    let wanted = expectations(&text(path));
+    assert!(!wanted.is_empty(), "{} expects nothing", path.display());
+    let mut session = open(path, options, engine)?;
+    let params = Params::defaults(&session.program().lowered);
+    let rays: Vec<RayQuery> = wanted.iter().map(|e| RayQuery { origin: e.origin, direction: e.direction }).collect();
+    let answers = session.probe(&params, &rays, &ProbeSettings::default()).unwrap_or_else(|t| fail(path, &t));
+    Some(wanted.into_iter().zip(answers).collect())
 }
 
 /// One line `//? ray ox,oy,oz dx,dy,dz | radiance a b c | transmittance … | depth … // note`: what a ray must find.

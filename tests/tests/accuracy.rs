@@ -2,42 +2,39 @@
 
 use compiler::Options;
 use compiler::program::OutputKind;
-use runtime::frame::{Cause, EngineChoice, FileLoader, Params, ProbeSettings, RayQuery, Session, Settings};
-use std::path::Path;
-use tyndall_tests::{expectations, files, root};
+use runtime::frame::EngineChoice;
+use tyndall_tests::{draw, every_scene, fail, open, probe, root};
 
-fn open(path: &Path, text: &str, options: Options, engine: EngineChoice) -> Option<Session> {
-    let name = path.file_name().and_then(|n| n.to_str()).expect("a name");
-    let settings = Settings { options, engine, ..Settings::default() };
-    match Session::open(name, text, &FileLoader::new(path.parent().expect("a folder")), settings) {
-        Ok(session) => Some(session),
-        Err(trouble) if trouble.cause == Cause::Machine => {
-            runtime::engine::skip_without_adapter();
-            None
+/// Every scene of a folder, drawn on the GPU in a small square and measured against the reference.
+fn all_within_their_accuracy(folder: &str, size: u32) {
+    every_scene(folder, |path| {
+        let mut options = Options { size: Some([size, size]), ..Options::default() };
+        options.outputs.push(OutputKind::Edge);
+        let mut session = open(path, options, EngineChoice::Gpu)?;
+        let drawing = draw(path, &mut session);
+        let measured = session.measure(&drawing, 256, 1).unwrap_or_else(|t| fail(path, &t));
+        println!("{}: {measured:?} predicted {:?}", path.display(), drawing.predicted);
+        let mut wrong = vec![];
+        if drawing.faults.iter().count() > 0 {
+            wrong.push(format!("{:?}", drawing.faults));
         }
-        Err(trouble) => panic!("{}", compiler::diagnostic::render(&trouble.diagnostics, &trouble.sources)),
-    }
+        if !measured.within() {
+            wrong.push(format!("beyond its accuracy: {measured:?}"));
+        }
+        Some(wrong)
+    });
 }
 
-/// Each example at a quarter of a thousand pixels: the engine's own resolution of steps, not of the picture, is on trial.
+/// Each example at four thousand pixels: the engine's own resolution of steps, not of the picture, is on trial.
 #[test]
 fn every_example_is_within_its_accuracy() {
-    let mut wrong = vec![];
-    for path in files("examples", "vol") {
-        let text = std::fs::read_to_string(&path).expect("the scene is text");
-        let mut options = Options { size: Some([64, 64]), ..Options::default() };
-        options.outputs.push(OutputKind::Edge);
-        let Some(mut session) = open(&path, &text, options, EngineChoice::Gpu) else { return };
-        let params = Params::defaults(&session.program().lowered);
-        let drawing = session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
-        assert!(drawing.faults.iter().count() == 0, "{}: {:?}", path.display(), drawing.faults);
-        let measured = session.measure(&drawing, 256, 1).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
-        println!("{}: {measured:?}", path.display());
-        if !measured.within() {
-            wrong.push(format!("{}: {measured:?}", path.display()));
-        }
-    }
-    assert!(wrong.is_empty(), "beyond their accuracy:\n{}", wrong.join("\n"));
+    all_within_their_accuracy("examples", 64);
+}
+
+/// Scenes without a closed form: what the GPU draws is what the reference finds.
+#[test]
+fn gpu_and_reference_agree_on_every_feature() {
+    all_within_their_accuracy("tests/suite/agree", 40);
 }
 
 /// Slope of the logarithm of the error against that of the number of steps, by least squares.
@@ -52,18 +49,12 @@ fn slope(points: &[(f64, f64)]) -> f64 {
 fn errors(engine: EngineChoice, ladder: &[u32]) -> Option<Vec<(f64, f64)>> {
     // Smooth along the ray, and neither symmetric nor vanishing at the ends, where the midpoint rule would be too good.
     let path = root().join("tests/suite/exponential_density.vol");
-    let text = std::fs::read_to_string(&path).expect("the scene is text");
-    let wanted = expectations(&text).remove(0);
-    let exact = wanted.radiance.expect("a radiance")[0];
     let mut points = vec![];
     for steps in ladder {
-        let options = Options { steps: Some(*steps), ..Options::probe() };
-        let mut session = open(&path, &text, options, engine)?;
-        let params = Params::defaults(&session.program().lowered);
-        let rays = [RayQuery { origin: wanted.origin, direction: wanted.direction }];
-        let answers = session.probe(&params, &rays, &ProbeSettings::default());
-        let answers = answers.unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
-        points.push((f64::from(*steps), (answers[0].radiance[0] - exact).abs()));
+        let answers = probe(&path, Options { steps: Some(*steps), ..Options::probe() }, engine)?;
+        let (wanted, found) = &answers[0];
+        let exact = wanted.radiance.as_ref().expect("a radiance")[0];
+        points.push((f64::from(*steps), (found.radiance[0] - exact).abs()));
     }
     Some(points)
 }
@@ -81,25 +72,4 @@ fn the_default_rule_converges_with_order_two_on_the_gpu() {
     let Some(points) = errors(EngineChoice::Gpu, &[4, 8, 16, 32, 64]) else { return };
     let slope = slope(&points);
     assert!((slope + 2.0).abs() < 0.15, "slope {slope} over {points:?}");
-}
-
-/// Scenes without a closed form: what the GPU draws is what the reference finds.
-#[test]
-fn gpu_and_reference_agree_on_every_feature() {
-    let mut wrong = vec![];
-    for path in files("tests/suite/agree", "vol") {
-        let text = std::fs::read_to_string(&path).expect("the scene is text");
-        let mut options = Options { size: Some([40, 40]), ..Options::default() };
-        options.outputs.push(OutputKind::Edge);
-        let Some(mut session) = open(&path, &text, options, EngineChoice::Gpu) else { return };
-        let params = Params::defaults(&session.program().lowered);
-        let drawing = session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
-        assert!(drawing.faults.iter().count() == 0, "{}: {:?}", path.display(), drawing.faults);
-        let measured = session.measure(&drawing, 256, 1).unwrap_or_else(|t| panic!("{:?}", t.diagnostics));
-        println!("{}: {measured:?} predicted {:?}", path.display(), drawing.predicted);
-        if !measured.within() {
-            wrong.push(format!("{}: {measured:?}", path.display()));
-        }
-    }
-    assert!(wrong.is_empty(), "beyond their accuracy:\n{}", wrong.join("\n"));
 }

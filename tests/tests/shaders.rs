@@ -4,13 +4,17 @@ use compiler::emit::{Shader, emit};
 use compiler::program::{Program, print_ledger};
 use compiler::{Compilation, Options, compile};
 use runtime::frame::FileLoader;
-use std::path::Path;
-use tyndall_tests::{files, root};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use tyndall_tests::{files, name, root, text};
 
 fn compiled(path: &Path, options: &Options) -> Compilation {
-    let text = std::fs::read_to_string(path).expect("the scene is text");
-    let name = path.file_name().and_then(|n| n.to_str()).expect("a name");
-    compile(name, &text, &FileLoader::new(path.parent().expect("a folder")), options)
+    compile(name(path), &text(path), &FileLoader::new(path.parent().expect("a folder")), options)
+}
+
+/// Examples and test scenes, those without a closed form too.
+fn scenes() -> Vec<PathBuf> {
+    ["examples", "tests/suite", "tests/suite/agree"].into_iter().flat_map(|folder| files(folder, "vol")).collect()
 }
 
 fn program(out: &Compilation) -> &Program {
@@ -27,15 +31,19 @@ fn scene(text: &str) -> Compilation {
     out
 }
 
+fn code(out: &Compilation) -> String {
+    shaders(out).iter().map(|s| s.wgsl().expect("WGSL")).collect()
+}
+
 fn wgsl(text: &str) -> String {
-    shaders(&scene(text)).iter().map(|s| s.wgsl().expect("WGSL")).collect()
+    code(&scene(text))
 }
 
 #[test]
 fn every_example_is_valid_in_every_target() {
-    for path in files("examples", "vol").iter().chain(&files("tests/suite", "vol")) {
+    for path in scenes() {
         for options in [Options::default(), Options::probe()] {
-            let out = compiled(path, &options);
+            let out = compiled(&path, &options);
             for shader in shaders(&out) {
                 let wgsl = shader.wgsl().expect("WGSL");
                 let module = naga::front::wgsl::parse_str(&wgsl)
@@ -53,7 +61,7 @@ fn every_example_is_valid_in_every_target() {
     }
 }
 
-/// A word in a shader, and what must be in a scene for it to be there.
+/// A piece of a shader, and what must be in a scene for it to be there.
 const TRACES: [(&str, fn(&str) -> bool); 8] = [
     ("texture_3d", |scene| scene.contains("grid ")),
     ("textureLoad", |scene| scene.contains("grid ")),
@@ -62,48 +70,127 @@ const TRACES: [(&str, fn(&str) -> bool); 8] = [
     ("fn through_ball", |scene| ["sphere(", "ellipsoid(", "shell(", "cylinder("].iter().any(|w| scene.contains(w))),
     ("_next(", |scene| scene.contains("sdf(")),
     ("fn exponential_integral", |scene| scene.contains("exp(") || scene.contains("height")),
-    ("sample_offset", |scene| scene.contains("ssaa")),
+    // The loop over samples of a pixel.
+    ("var sample", |scene| scene.contains("ssaa") || scene.contains("msaa")),
 ];
+
+/// A word that a name in a shader may have as a part, the names that may have it in any scene, and what must be in a scene
+/// for others to have it.
+const WORDS: [(&str, &[&str], fn(&str) -> bool); 6] = [
+    // What a step of a march adds is light too, wherever it comes from.
+    ("light", &["light", "light_first", "light_mid", "light_second", "light_error"], lit),
+    ("phase", &[], lit),
+    ("shadow", &[], lit),
+    ("sampler", &[], |scene| scene.contains("grid ")),
+    ("glyph", &[], |scene| scene.contains("text ")),
+    ("atlas", &[], |scene| scene.contains("text ")),
+];
+
+fn lit(scene: &str) -> bool {
+    scene.contains("light ")
+}
+
+/// What a scene says, comments apart.
+fn said(text: &str) -> String {
+    text.lines().map(|line| line.split("//").next().unwrap_or(line)).fold(String::new(), |all, line| all + line + "\n")
+}
+
+/// The names in a shader, without the endings `_b`, `_2` that tell equal ones apart.
+fn names(code: &str) -> BTreeSet<String> {
+    let words = code.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+    let base = |word: &str| {
+        let mut parts: Vec<&str> = word.split('_').collect();
+        while parts.len() > 1 && parts.last().is_some_and(|p| p.len() < 2) {
+            parts.pop();
+        }
+        parts.join("_")
+    };
+    words.map(base).filter(|w| !w.is_empty()).collect()
+}
+
+/// What a shader has without its scene's needing it.
+fn needless(scene: &str, code: &str) -> Vec<String> {
+    let scene = said(scene);
+    let traces = TRACES.iter().filter(|(piece, needed)| code.contains(piece) && !needed(&scene));
+    let mut found: Vec<String> = traces.map(|t| t.0.to_owned()).collect();
+    for (word, everywhere, needed) in WORDS {
+        if !needed(&scene) {
+            let has = |name: &&String| name.split('_').any(|part| part == word) && !everywhere.contains(&name.as_str());
+            found.extend(names(code).iter().filter(has).cloned());
+        }
+    }
+    found
+}
 
 #[test]
 fn no_shader_has_a_trace_of_what_its_scene_does_without() {
-    for path in files("examples", "vol").iter().chain(&files("tests/suite", "vol")) {
-        let text = std::fs::read_to_string(path).expect("the scene is text");
-        let code: String =
-            shaders(&compiled(path, &Options::default())).iter().map(|s| s.wgsl().expect("WGSL")).collect();
-        for (word, needed) in TRACES {
-            assert!(needed(&text) || !code.contains(word), "{} has `{word}` for nothing", path.display());
-        }
-        for word in ["light", "phase", "shadow", "glyph", "atlas", "sampler"] {
-            let absent = ["fn ", "var ", "struct "].iter().all(|k| !code.contains(&format!("{k}{word}")));
-            // `light` is also what a step of a march adds.
-            assert!(absent || word == "light", "{} has `{word}` for nothing", path.display());
-        }
+    let mut seen = BTreeSet::new();
+    for path in scenes() {
+        let code = code(&compiled(&path, &Options::default()));
+        assert_eq!(needless(&text(&path), &code), [""; 0], "{} has these for nothing", path.display());
+        seen.extend(TRACES.iter().map(|t| t.0).filter(|piece| code.contains(piece)));
     }
+    // A piece that no shader has any more would be looked for in vain.
+    assert_eq!(seen, TRACES.iter().map(|t| t.0).collect());
+}
+
+#[test]
+fn traces_are_found() {
+    for (piece, _) in TRACES {
+        assert_eq!(needless("medium m { k_a = 1 /m }", &format!("{{ {piece} ")), [piece]);
+    }
+    for (word, everywhere, _) in WORDS {
+        let code = format!("fn {word}_of_sun() {{ let the_{word}_b = {word}s; }}");
+        let names = [format!("{word}_of_sun"), format!("the_{word}")];
+        assert_eq!(needless("// light text grid", &code), names);
+        assert_eq!(needless("light l {} text t {} grid g {}", &code), [""; 0]);
+        assert_eq!(needless("", &everywhere.join("_c + ")), [""; 0]);
+    }
+}
+
+/// Members of the uniform block that the code never reads.
+fn unread(code: &str) -> Vec<&str> {
+    let block =
+        code.split_once("struct Frame {").and_then(|(_, rest)| rest.split_once('}')).map_or("", |(block, _)| block);
+    let members = block.lines().filter_map(|line| Some(line.split_once(':')?.0.trim()));
+    let is_read = |member: &&str| {
+        let uses = code.split("frame.").skip(1);
+        uses.map(|rest| rest.split(|c: char| !(c.is_alphanumeric() || c == '_')).next())
+            .any(|name| name == Some(member))
+    };
+    members.filter(|m| !is_read(m)).collect()
+}
+
+#[test]
+fn unread_uniforms_are_found() {
+    let code = "struct Frame {\n    size: vec2<u32>,\n    white: f32,\n    time: f32,\n}\nlet a = frame.size_b + frame.white.x;\n";
+    assert_eq!(unread(code), ["size", "time"]);
 }
 
 #[test]
 fn every_binding_and_uniform_is_used() {
-    for path in files("examples", "vol").iter().chain(&files("tests/suite", "vol")) {
-        let out = compiled(path, &Options::default());
-        for shader in shaders(&out) {
-            for (handle, variable) in shader.module.global_variables.iter() {
-                let name = variable.name.clone().unwrap_or_default();
-                let used = shader
-                    .module
-                    .functions
-                    .iter()
-                    .map(|f| f.1)
-                    .chain(shader.module.entry_points.iter().map(|e| &e.function));
-                let used = used.flat_map(|f| f.expressions.iter().map(|e| e.1));
-                let used = used.filter(|e| matches!(e, naga::Expression::GlobalVariable(h) if *h == handle)).count();
-                assert!(used > 0, "{}: binding `{name}` is used by nothing", path.display());
+    for path in scenes() {
+        for options in [Options::default(), Options::probe()] {
+            let out = compiled(&path, &options);
+            for shader in shaders(&out) {
+                let module = &shader.module;
+                let entries = module.entry_points.iter().map(|e| &e.function);
+                let functions: Vec<&naga::Function> = module.functions.iter().map(|f| f.1).chain(entries).collect();
+                for (handle, variable) in module.global_variables.iter() {
+                    let used = functions
+                        .iter()
+                        .flat_map(|f| f.expressions.iter())
+                        .any(|(_, e)| matches!(e, naga::Expression::GlobalVariable(h) if *h == handle));
+                    assert!(used, "{}: binding `{:?}` is used by nothing", path.display(), variable.name);
+                }
             }
-            let code = shader.wgsl().expect("WGSL");
-            for field in &program(&out).plan.uniforms.fields {
-                let read = code.contains("frame.");
-                assert!(read, "{}: uniform `{}` is read by nothing", path.display(), field.name);
-            }
+            // Several kernels share the block, and each field is there for one of them at least.
+            let code = code(&out);
+            let declared = code
+                .split_once("struct Frame {")
+                .map_or(0, |(_, rest)| rest.split('}').next().unwrap_or("").matches(':').count());
+            assert_eq!(declared, program(&out).plan.uniforms.fields.len(), "{}", path.display());
+            assert_eq!(unread(&code), [""; 0], "{}: these uniforms are read by nothing", path.display());
         }
     }
 }

@@ -20,7 +20,12 @@ pub(super) fn run(format: Format, arguments: &Probe) -> Result<Exit, Trouble> {
     let text = read(&loader, &arguments.scene)?;
     let (engine, adapter) = arguments.engine.choice();
     let options = arguments.schedule.apply(compiler::Options::probe());
-    let mut session = Session::open(&arguments.scene, &text, &loader, Settings { options, engine, adapter })?;
+    let mut session = Session::open(
+        &arguments.scene,
+        &text,
+        &loader,
+        Settings { options, engine, adapter, seed: arguments.schedule.seed },
+    )?;
     let (params, mut found) = session.params(&arguments.set)?;
     let settings = ProbeSettings { rtol: arguments.rtol, time: arguments.time };
     let answers = session.probe(&params, &rays, &settings)?;

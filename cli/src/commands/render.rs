@@ -27,7 +27,12 @@ pub(super) fn run(format: Format, arguments: &Render) -> Result<Exit, Trouble> {
         OutputKind::Edge,
     ];
     let options = arguments.schedule.apply(compiler::Options { outputs, size: arguments.size, ..Default::default() });
-    let mut session = Session::open(&arguments.scene, &text, &loader, Settings { options, engine, adapter })?;
+    let mut session = Session::open(
+        &arguments.scene,
+        &text,
+        &loader,
+        Settings { options, engine, adapter, seed: arguments.schedule.seed },
+    )?;
     let (params, mut found) = session.params(&arguments.set)?;
     found.0.splice(0..0, session.warnings().0.iter().cloned());
     if format == Format::Human {
@@ -134,12 +139,16 @@ fn frame(
     let drawing = session.draw(params, time, &|share| bar.set_position((share * 1000.0) as u64));
     bar.finish_and_clear();
     let drawing = drawing?;
-    let measured = if arguments.no_check || drawing.faults.has_errors() || session.engine() == "reference" {
+    let measured = if arguments.no_check
+        || drawing.faults.has_errors()
+        || session.engine() == "reference"
+        || session.is_random()
+    {
         None
     } else {
         let bar = progress(format, "comparing with the reference");
         bar.enable_steady_tick(std::time::Duration::from_millis(200));
-        let measured = session.measure(&drawing, CHECKED, arguments.seed);
+        let measured = session.measure(&drawing, CHECKED, arguments.schedule.seed);
         bar.finish_and_clear();
         Some(measured?)
     };
@@ -166,9 +175,13 @@ impl Done {
         };
         let cost = drawing.evaluations.map(|n| format!(", {n} field evaluations")).unwrap_or_default();
         let mut text = format!("drawn    {width} x {height} in {:.1} ms ({how}){cost}\n", drawing.milliseconds);
+        if let Some(paths) = drawing.paths {
+            text += &format!("paths    {paths} of each pixel\n");
+        }
         if let Some((error, share)) = drawing.predicted {
+            let kind = drawing.error_kind.replace('-', " ");
             text +=
-                &format!("error    predicted: at most {error:.2e} lx (estimate), {share:.2} of what accuracy allows\n");
+                &format!("error    predicted: at most {error:.2e} lx ({kind}), {share:.2} of what accuracy allows\n");
         }
         if let Some(m) = &self.measured {
             text += &format!(
@@ -198,9 +211,10 @@ impl Done {
             "clock": drawing.clock,
             "dispatches": drawing.dispatches,
             "evaluations": drawing.evaluations,
+            "paths": drawing.paths,
             "nan": self.nan,
             "error": {
-                "kind": "estimate",
+                "kind": drawing.error_kind,
                 "predicted_max": drawing.predicted.map(|p| number(p.0)),
                 "predicted_share": drawing.predicted.map(|p| number(p.1)),
                 "measured": self.measured.map(|m| json!({

@@ -3,8 +3,15 @@
 //! Along p = o + t·d such a term is c·exp(g·o + b)·exp(t·g·d), so its optical depth over [a, e] is elementary; a uniform
 //! coefficient is the term with g = 0. This is what makes fog and exponential atmospheres cost no loop.
 
-use super::affine::affine_form;
+use super::Push;
+use super::affine::AffineForms;
 use crate::ir::{Binary, Graph, NodeId, Op, Tier, Unary};
+use rustc_hash::FxHashMap;
+
+/// Operations within each other that are followed, as in `affine`.
+const MAX_DEPTH: usize = 512;
+/// Factors of a product that are looked at to cancel them.
+const MAX_FACTORS: usize = 256;
 
 /// `scale · exp(gradient · p + offset)`.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
@@ -17,114 +24,132 @@ pub struct ExponentialTerm {
     pub offset: Option<NodeId>,
 }
 
-type Push<'a> = &'a mut dyn FnMut(&mut Graph, Op) -> NodeId;
-
-fn mul(graph: &mut Graph, push: Push<'_>, a: NodeId, b: NodeId) -> NodeId {
+/// `a op b`, the scalar one widened to the other's width.
+fn binary(graph: &mut Graph, push: Push<'_>, op: Binary, a: NodeId, b: NodeId) -> NodeId {
     let width = graph.width(a).max(graph.width(b));
     let a = if graph.width(a) == width { a } else { push(graph, Op::Splat(a, width)) };
     let b = if graph.width(b) == width { b } else { push(graph, Op::Splat(b, width)) };
-    push(graph, Op::Binary(Binary::Mul, a, b))
+    push(graph, Op::Binary(op, a, b))
 }
 
 /// The terms whose sum a node is, if it has this form; at most `limit` of them.
 pub fn exponential_sum(graph: &mut Graph, push: Push<'_>, node: NodeId, limit: usize) -> Option<Vec<ExponentialTerm>> {
-    if graph.tiers()[node.0 as usize] <= Tier::Frame {
-        return Some(vec![ExponentialTerm { scale: node, gradient: None, offset: None }]);
-    }
-    let one = |graph: &mut Graph| graph.scalar(1.0);
-    let terms = match *graph.op(node) {
-        Op::Splat(a, _) => exponential_sum(graph, push, a, limit)?,
-        Op::Unary(Unary::Exp, a) if graph.width(a) == 1 => {
-            let form = affine_form(graph, push, a)?;
-            let scale = one(graph);
-            vec![ExponentialTerm { scale, gradient: form.gradient, offset: Some(form.offset) }]
-        }
-        Op::Unary(Unary::Neg, a) => {
-            let mut terms = exponential_sum(graph, push, a, limit)?;
-            for term in &mut terms {
-                term.scale = push(graph, Op::Unary(Unary::Neg, term.scale));
-            }
-            terms
-        }
-        Op::Binary(op @ (Binary::Add | Binary::Sub), a, b) => {
-            let mut terms = exponential_sum(graph, push, a, limit)?;
-            for mut term in exponential_sum(graph, push, b, limit)? {
-                if op == Binary::Sub {
-                    term.scale = push(graph, Op::Unary(Unary::Neg, term.scale));
-                }
-                terms.push(term);
-            }
-            terms
-        }
-        Op::Binary(Binary::Mul, a, b) => {
-            let (a, b) = (exponential_sum(graph, push, a, limit)?, exponential_sum(graph, push, b, limit)?);
-            let mut terms = vec![];
-            for x in &a {
-                for y in &b {
-                    let scale = mul(graph, push, x.scale, y.scale);
-                    let sum = |graph: &mut Graph, push: Push<'_>, x: Option<NodeId>, y: Option<NodeId>| match (x, y) {
-                        (Some(x), Some(y)) => Some(push(graph, Op::Binary(Binary::Add, x, y))),
-                        (x, y) => x.or(y),
-                    };
-                    let gradient = sum(graph, push, x.gradient, y.gradient);
-                    let offset = sum(graph, push, x.offset, y.offset);
-                    terms.push(ExponentialTerm { scale, gradient, offset });
-                }
-            }
-            terms
-        }
-        Op::Binary(Binary::Div, a, b) if graph.tiers()[b.0 as usize] <= Tier::Frame => {
-            let mut terms = exponential_sum(graph, push, a, limit)?;
-            for term in &mut terms {
-                let width = graph.width(term.scale).max(graph.width(b));
-                let x = if graph.width(term.scale) == width {
-                    term.scale
-                } else {
-                    push(graph, Op::Splat(term.scale, width))
-                };
-                let y = if graph.width(b) == width { b } else { push(graph, Op::Splat(b, width)) };
-                term.scale = push(graph, Op::Binary(Binary::Div, x, y));
-            }
-            terms
-        }
-        _ => return None,
-    };
-    (terms.len() <= limit).then_some(terms)
+    let mut sums = Sums { limit, affine: AffineForms::default(), known: FxHashMap::default(), depth: 0 };
+    sums.find(graph, push, node)
 }
 
-/// A product's factors, with divisors apart; splats are looked through.
-fn factors(graph: &Graph, node: NodeId, inverse: bool, out: &mut Vec<(NodeId, bool)>) {
-    match *graph.op(node) {
-        Op::Splat(a, _) => factors(graph, a, inverse, out),
-        Op::Binary(Binary::Mul, a, b) => {
-            factors(graph, a, inverse, out);
-            factors(graph, b, inverse, out);
+/// The sums found in one graph: each node is looked at once, however many expressions share it.
+struct Sums {
+    limit: usize,
+    affine: AffineForms,
+    known: FxHashMap<NodeId, Option<Vec<ExponentialTerm>>>,
+    depth: usize,
+}
+
+impl Sums {
+    fn find(&mut self, graph: &mut Graph, push: Push<'_>, node: NodeId) -> Option<Vec<ExponentialTerm>> {
+        if self.affine.tiers.of(graph, node) <= Tier::Frame {
+            return Some(vec![ExponentialTerm { scale: node, gradient: None, offset: None }]);
         }
-        Op::Binary(Binary::Div, a, b) => {
-            factors(graph, a, inverse, out);
-            factors(graph, b, !inverse, out);
+        if let Some(known) = self.known.get(&node) {
+            return known.clone();
         }
-        Op::Unary(Unary::Neg, a) => factors(graph, a, inverse, out),
-        _ => out.push((node, inverse)),
+        if self.depth == MAX_DEPTH {
+            return None;
+        }
+        self.depth += 1;
+        let terms = self.derive(graph, push, node);
+        self.depth -= 1;
+        self.known.insert(node, terms.clone());
+        terms
     }
+
+    /// The terms of a node that varies along the ray.
+    fn derive(&mut self, graph: &mut Graph, push: Push<'_>, node: NodeId) -> Option<Vec<ExponentialTerm>> {
+        let terms = match *graph.op(node) {
+            Op::Splat(a, _) => self.find(graph, push, a)?,
+            Op::Unary(Unary::Exp, a) if graph.width(a) == 1 => {
+                let form = self.affine.find(graph, push, a)?;
+                let scale = graph.scalar(1.0);
+                vec![ExponentialTerm { scale, gradient: form.gradient, offset: Some(form.offset) }]
+            }
+            Op::Unary(Unary::Neg, a) => {
+                let mut terms = self.find(graph, push, a)?;
+                for term in &mut terms {
+                    term.scale = push(graph, Op::Unary(Unary::Neg, term.scale));
+                }
+                terms
+            }
+            Op::Binary(op @ (Binary::Add | Binary::Sub), a, b) => {
+                let mut terms = self.find(graph, push, a)?;
+                for mut term in self.find(graph, push, b)? {
+                    if op == Binary::Sub {
+                        term.scale = push(graph, Op::Unary(Unary::Neg, term.scale));
+                    }
+                    terms.push(term);
+                }
+                terms
+            }
+            Op::Binary(Binary::Mul, a, b) => {
+                let (a, b) = (self.find(graph, push, a)?, self.find(graph, push, b)?);
+                let mut terms = vec![];
+                for x in &a {
+                    for y in &b {
+                        let scale = binary(graph, push, Binary::Mul, x.scale, y.scale);
+                        let sum = |graph: &mut Graph, push: Push<'_>, x: Option<NodeId>, y: Option<NodeId>| match (x, y)
+                        {
+                            (Some(x), Some(y)) => Some(push(graph, Op::Binary(Binary::Add, x, y))),
+                            (x, y) => x.or(y),
+                        };
+                        let gradient = sum(graph, push, x.gradient, y.gradient);
+                        let offset = sum(graph, push, x.offset, y.offset);
+                        terms.push(ExponentialTerm { scale, gradient, offset });
+                    }
+                }
+                terms
+            }
+            Op::Binary(Binary::Div, a, b) if self.affine.tiers.of(graph, b) <= Tier::Frame => {
+                let mut terms = self.find(graph, push, a)?;
+                for term in &mut terms {
+                    term.scale = binary(graph, push, Binary::Div, term.scale, b);
+                }
+                terms
+            }
+            _ => return None,
+        };
+        (terms.len() <= self.limit).then_some(terms)
+    }
+}
+
+/// A product's factors, each with whether it divides, and whether the product is the negative of theirs; splats are
+/// looked through. Beyond [`MAX_FACTORS`] the product is its own only factor.
+fn factors(graph: &Graph, product: NodeId) -> (bool, Vec<(NodeId, bool)>) {
+    let (mut negative, mut out) = (false, vec![]);
+    let mut stack = vec![(product, false)];
+    while let Some((node, inverse)) = stack.pop() {
+        match *graph.op(node) {
+            Op::Splat(a, _) => stack.push((a, inverse)),
+            Op::Binary(Binary::Mul, a, b) => stack.extend([(b, inverse), (a, inverse)]),
+            Op::Binary(Binary::Div, a, b) => stack.extend([(b, !inverse), (a, inverse)]),
+            Op::Unary(Unary::Neg, a) => {
+                negative = !negative;
+                stack.push((a, inverse));
+            }
+            _ => out.push((node, inverse)),
+        }
+        if out.len() + stack.len() > MAX_FACTORS {
+            return (false, vec![(product, false)]);
+        }
+    }
+    (negative, out)
 }
 
 /// `numerator / denominator` with the factors that both have cancelled: the source function k_e/k_t of a medium whose
-/// density scales both. `None` when nothing varying is left only because nothing cancelled.
+/// density scales both.
 pub fn ratio(graph: &mut Graph, push: Push<'_>, numerator: NodeId, denominator: NodeId) -> NodeId {
-    let (mut top, mut bottom) = (vec![], vec![]);
-    factors(graph, numerator, false, &mut top);
-    factors(graph, denominator, false, &mut bottom);
-    let negative = |graph: &Graph, node: NodeId| {
-        let mut sign = false;
-        let mut n = node;
-        while let Op::Unary(Unary::Neg, a) | Op::Splat(a, _) = *graph.op(n) {
-            sign ^= matches!(graph.op(n), Op::Unary(Unary::Neg, _));
-            n = a;
-        }
-        sign
-    };
-    let flip = negative(graph, numerator) != negative(graph, denominator);
+    let (flip_top, mut top) = factors(graph, numerator);
+    let (flip_bottom, bottom) = factors(graph, denominator);
+    let flip = flip_top != flip_bottom;
     for (node, inverse) in bottom {
         if let Some(i) = top.iter().position(|(n, inv)| *n == node && *inv == inverse) {
             top.remove(i);
@@ -134,13 +159,10 @@ pub fn ratio(graph: &mut Graph, push: Push<'_>, numerator: NodeId, denominator: 
     }
     let mut result = graph.scalar(if flip { -1.0 } else { 1.0 });
     for (node, _) in top.iter().filter(|t| !t.1) {
-        result = mul(graph, push, result, *node);
+        result = binary(graph, push, Binary::Mul, result, *node);
     }
     for (node, _) in top.iter().filter(|t| t.1) {
-        let width = graph.width(result).max(graph.width(*node));
-        let x = if graph.width(result) == width { result } else { push(graph, Op::Splat(result, width)) };
-        let y = if graph.width(*node) == width { *node } else { push(graph, Op::Splat(*node, width)) };
-        result = push(graph, Op::Binary(Binary::Div, x, y));
+        result = binary(graph, push, Binary::Div, result, *node);
     }
     result
 }

@@ -5,11 +5,89 @@
 use super::range::{Range, ranges};
 use crate::ir::{Binary, Fold, Graph, Input, NodeId, Op, Unary};
 
-/// Bounds on the change of each node with position, in 1/unit of length (Euclidean, per component the largest).
+/// Bounds on the change of each node with position, in 1/unit of length: of a vector, the Euclidean length of the change.
 /// Infinite where no bound is known, 0 where the node does not vary.
 #[must_use]
 pub fn lipschitz(graph: &Graph) -> Vec<f64> {
-    let ranges = ranges(graph);
+    steepness_within(graph, &ranges(graph))
+}
+
+/// The smallest cell of anything piecewise that the roots contain; for several sets of roots see [`Features::length`].
+#[must_use]
+pub fn feature_length(graph: &Graph, roots: &[NodeId]) -> Option<f64> {
+    Features::new(graph).length(roots)
+}
+
+/// What is known of every node of a graph that grows no more, for questions about several of its fields.
+#[derive(Clone, Debug)]
+pub struct Features<'g> {
+    graph: &'g Graph,
+    ranges: Vec<Range>,
+    steepness: Vec<f64>,
+}
+
+impl<'g> Features<'g> {
+    /// The facts about a graph as it is now.
+    #[must_use]
+    pub fn new(graph: &'g Graph) -> Self {
+        let ranges = ranges(graph);
+        let steepness = steepness_within(graph, &ranges);
+        Self { graph, ranges, steepness }
+    }
+
+    /// What [`ranges`] gives.
+    #[must_use]
+    pub fn ranges(&self) -> &[Range] {
+        &self.ranges
+    }
+
+    /// What [`lipschitz`] gives.
+    #[must_use]
+    pub fn steepness(&self) -> &[f64] {
+        &self.steepness
+    }
+
+    /// The smallest cell of anything piecewise that the roots contain, in units of length: voxels of grids, cells of noise
+    /// (whatever passes through `floor`), rows of tables over keys of known slope. `None` if there is nothing of the kind.
+    #[must_use]
+    pub fn length(&self, roots: &[NodeId]) -> Option<f64> {
+        let Self { graph, ranges, steepness } = self;
+        let live = graph.reachable(roots);
+        let mut least = f64::INFINITY;
+        let mut cells = |steep: f64, width: f64| {
+            if steep > 0.0 && steep.is_finite() && width > 0.0 {
+                least = least.min(width / steep);
+            }
+        };
+        for id in graph.ids().filter(|id| live[id.0 as usize]) {
+            match *graph.op(id) {
+                Op::Unary(Unary::Floor | Unary::Ceil | Unary::Round, a) => {
+                    cells(scalar_steepness(graph, steepness, a), 1.0)
+                }
+                Op::Sample { at, .. } | Op::SampleGradient { at, .. } => {
+                    cells(scalar_steepness(graph, steepness, at), 1.0)
+                }
+                Op::Lookup { table, at } => {
+                    let keys: Option<Vec<f64>> = graph.table(table).keys.iter().map(|k| graph.number(*k)).collect();
+                    // Only a table over a field of known slope has cells of a known size; over voxels the grid decides.
+                    let over_grid = !steepness[at.0 as usize].is_finite() || is_sampled(graph, at);
+                    if let (Some(keys), false) = (keys, over_grid) {
+                        let gap =
+                            keys.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > 0.0).fold(f64::INFINITY, f64::min);
+                        let span = ranges[at.0 as usize];
+                        if gap.is_finite() && span.high > span.low {
+                            cells(steepness[at.0 as usize], gap);
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        least.is_finite().then_some(least)
+    }
+}
+
+fn steepness_within(graph: &Graph, ranges: &[Range]) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::with_capacity(graph.len());
     for id in graph.ids() {
         let get = |n: NodeId| out[n.0 as usize];
@@ -20,7 +98,7 @@ pub fn lipschitz(graph: &Graph) -> Vec<f64> {
         let bound = match *graph.op(id) {
             Op::Const(_) | Op::Truth(_) | Op::Param(_) | Op::LoopVar(_) => 0.0,
             Op::Input(Input::Position | Input::Altitude(_)) => 1.0,
-            Op::Input(Input::Direction | Input::CosTheta | Input::Time) => 0.0,
+            Op::Input(Input::Direction | Input::CosTheta | Input::Versine | Input::Vercosine | Input::Time) => 0.0,
             Op::Unary(u, a) => match u {
                 Unary::Neg | Unary::Abs | Unary::Sin | Unary::Cos | Unary::Atan | Unary::Tanh => get(a),
                 Unary::Exp | Unary::Expm1 => times(get(a), range(a).high.exp()),
@@ -50,7 +128,9 @@ pub fn lipschitz(graph: &Graph) -> Vec<f64> {
                     let least = if range(y).low > 0.0 { range(y).low } else { (-range(y).high).max(0.0) };
                     times(get(x), 1.0 / least) + times(times(get(y), magnitude(x)), 1.0 / (least * least))
                 }
-                Binary::Min | Binary::Max => get(x).max(get(y)),
+                Binary::Min | Binary::Max if graph.width(x) == 1 => get(x).max(get(y)),
+                // Some components may be the one's, some the other's.
+                Binary::Min | Binary::Max => get(x).hypot(get(y)),
                 Binary::Pow | Binary::Atan2 | Binary::Mod => times(get(x) + get(y), f64::INFINITY),
                 Binary::And | Binary::Or => times(get(x) + get(y), f64::INFINITY),
             },
@@ -58,7 +138,9 @@ pub fn lipschitz(graph: &Graph) -> Vec<f64> {
             Op::Compare(_, a, b) => times(get(a) + get(b), f64::INFINITY),
             Op::Select { condition, accept, reject } => get(condition) + get(accept).max(get(reject)),
             Op::Compose(parts, width) => parts[..width as usize].iter().map(|p| get(*p).powi(2)).sum::<f64>().sqrt(),
-            Op::Splat(a, _) | Op::Extract(a, _) => get(a),
+            // A vector's bound is that of its Euclidean length.
+            Op::Splat(a, width) => get(a) * f64::from(width).sqrt(),
+            Op::Extract(a, _) => get(a),
             Op::Dot(a, b) => match (graph.constant(a), graph.constant(b)) {
                 (Some(c), _) => times(get(b), norm(c.values())),
                 (_, Some(c)) => times(get(a), norm(c.values())),
@@ -91,45 +173,6 @@ pub fn lipschitz(graph: &Graph) -> Vec<f64> {
 
 fn norm(values: Vec<f64>) -> f64 {
     values.iter().map(|v| v * v).sum::<f64>().sqrt()
-}
-
-/// The smallest cell of anything piecewise that the roots contain, in units of length: voxels of grids, cells of noise
-/// (whatever passes through `floor`), rows of tables over keys of known slope. `None` if there is nothing of the kind.
-#[must_use]
-pub fn feature_length(graph: &Graph, roots: &[NodeId]) -> Option<f64> {
-    let live = graph.reachable(roots);
-    let steepness = lipschitz(graph);
-    let ranges: Vec<Range> = ranges(graph);
-    let mut least = f64::INFINITY;
-    let mut cells = |steep: f64, width: f64| {
-        if steep > 0.0 && steep.is_finite() && width > 0.0 {
-            least = least.min(width / steep);
-        }
-    };
-    for id in graph.ids().filter(|id| live[id.0 as usize]) {
-        match *graph.op(id) {
-            Op::Unary(Unary::Floor | Unary::Ceil | Unary::Round, a) => {
-                cells(scalar_steepness(graph, &steepness, a), 1.0)
-            }
-            Op::Sample { at, .. } | Op::SampleGradient { at, .. } => {
-                cells(scalar_steepness(graph, &steepness, at), 1.0)
-            }
-            Op::Lookup { table, at } => {
-                let keys: Option<Vec<f64>> = graph.table(table).keys.iter().map(|k| graph.number(*k)).collect();
-                // Only a table over a field of known slope has cells of a known size; over voxels the grid decides.
-                let over_grid = !steepness[at.0 as usize].is_finite() || is_sampled(graph, at);
-                if let (Some(keys), false) = (keys, over_grid) {
-                    let gap = keys.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > 0.0).fold(f64::INFINITY, f64::min);
-                    let span = ranges[at.0 as usize];
-                    if gap.is_finite() && span.high > span.low {
-                        cells(steepness[at.0 as usize], gap);
-                    }
-                }
-            }
-            _ => {}
-        }
-    }
-    least.is_finite().then_some(least)
 }
 
 fn is_sampled(graph: &Graph, node: NodeId) -> bool {

@@ -3,7 +3,8 @@
 //! At a jump every rule of integration falls to order 1 unless a step ends there. Only jumps on planes are found: arguments
 //! that are affine in the position. Lattice noise is smooth across its cells, so that its roundings are left out.
 
-use super::affine::{AffineForm, affine_form};
+use super::Push;
+use super::affine::{AffineForm, AffineForms};
 use crate::ir::{Binary, Filter, Graph, NodeId, Op, Unary};
 use rustc_hash::FxHashSet;
 
@@ -21,16 +22,17 @@ pub struct Jump {
     pub every_whole: bool,
 }
 
-type Push<'a> = &'a mut dyn FnMut(&mut Graph, Op) -> NodeId;
-
 /// The jumps of what the roots need.
 pub fn jumps(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Vec<Jump> {
     let live = graph.reachable(roots);
     let smooth = cells_of_noise(graph, &live);
     let ids: Vec<NodeId> = graph.ids().filter(|id| live[id.0 as usize]).collect();
     let mut out: Vec<Jump> = vec![];
+    let mut forms = AffineForms::default();
     let mut add = |graph: &mut Graph, push: Push<'_>, node: NodeId, shift: f64, every_whole: bool| {
-        let Some(AffineForm { gradient: Some(gradient), offset }) = affine_form(graph, push, node) else { return };
+        let Some(AffineForm { gradient: Some(gradient), offset }) = forms.find(graph, push, node) else {
+            return;
+        };
         let offset = if shift == 0.0 {
             offset
         } else {

@@ -5,3 +5,8 @@ pub mod closed;
 pub mod feature;
 pub mod jumps;
 pub mod range;
+
+use crate::ir::{Graph, NodeId, Op};
+
+/// How an analysis adds a node that it derives, usually through the rules of the passes.
+type Push<'a> = &'a mut dyn FnMut(&mut Graph, Op) -> NodeId;

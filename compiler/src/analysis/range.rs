@@ -187,6 +187,12 @@ fn stored(graph: &Graph, grid: crate::ir::GridId) -> Range {
     };
     let scaled = combine(Range::point(low), Range::point(high), |a, _| a * info.header.slope + info.header.intercept)
         .hull(combine(Range::point(high), Range::point(low), |a, _| a * info.header.slope + info.header.intercept));
+    filtered(graph, grid, scaled)
+}
+
+/// The values of a grid between its voxels, from those of the voxels.
+fn filtered(graph: &Graph, grid: crate::ir::GridId, scaled: Range) -> Range {
+    let info = graph.grid(grid);
     let scaled = match info.filter {
         Filter::Nearest | Filter::Linear => scaled,
         // Catmull–Rom weights of one axis sum to 1 in at most 1.25 of absolute value: three axes overshoot by (1.25³ − 1)/2.
@@ -211,9 +217,40 @@ fn loop_variables(graph: &Graph) -> [Range; 16] {
     out.map(|r| r.unwrap_or(Range { low: f64::from(i32::MIN), high: f64::from(i32::MAX), nan: false }))
 }
 
+/// What is known about the inputs.
+#[derive(Clone, Debug)]
+pub struct Known<'a> {
+    /// Of every component of a position, and of altitudes, in units of length.
+    pub position: Range,
+    /// Seconds.
+    pub time: Range,
+    /// Values of parameters in the graph's units; nothing is known of those that are missing.
+    pub params: &'a [Vec<f64>],
+    /// Values of grids, by their number; of those that are missing, what their type can hold.
+    pub grids: &'a [Range],
+}
+
+impl Default for Known<'_> {
+    /// Nothing: positions, times and parameters are numbers, however large.
+    fn default() -> Self {
+        let number = Range { low: -f64::MAX, high: f64::MAX, nan: false };
+        Self { position: number, time: number, params: &[], grids: &[] }
+    }
+}
+
 /// The range of every node, all components together.
 #[must_use]
 pub fn ranges(graph: &Graph) -> Vec<Range> {
+    ranges_of(graph, &Known::default())
+}
+
+/// The range of every node where something is known about the inputs: majorants of coefficients.
+#[must_use]
+pub fn ranges_of(graph: &Graph, known: &Known<'_>) -> Vec<Range> {
+    let stored = |grid: crate::ir::GridId| match known.grids.get(grid.0 as usize) {
+        Some(values) => filtered(graph, grid, *values),
+        None => stored(graph, grid),
+    };
     let mut out: Vec<Range> = Vec::with_capacity(graph.len());
     let variables = loop_variables(graph);
     for id in graph.ids() {
@@ -224,11 +261,13 @@ pub fn ranges(graph: &Graph) -> Vec<Range> {
                 Range { low: 0.0, high: 1.0, nan: false }
             }
             Op::Input(Input::Direction | Input::CosTheta) => Range { low: -1.0, high: 1.0, nan: false },
-            // Positions, altitudes and times are numbers, however large.
-            Op::Input(Input::Position | Input::Altitude(_) | Input::Time) => {
-                Range { low: -f64::MAX, high: f64::MAX, nan: false }
-            }
-            Op::Param(_) => Range { low: -f64::MAX, high: f64::MAX, nan: false },
+            Op::Input(Input::Versine | Input::Vercosine) => Range { low: 0.0, high: 2.0, nan: false },
+            Op::Input(Input::Position | Input::Altitude(_)) => known.position,
+            Op::Input(Input::Time) => known.time,
+            Op::Param(p) => match known.params.get(p.0 as usize) {
+                Some(values) => values.iter().copied().map(Range::point).reduce(Range::hull).unwrap_or(Range::ANY),
+                None => Range { low: -f64::MAX, high: f64::MAX, nan: false },
+            },
             Op::LoopVar(depth) => variables[depth as usize],
             Op::Unary(u, a) => unary(u, get(a)),
             Op::Binary(Binary::Mul, a, b) if a == b => power(get(a), 2),
@@ -244,9 +283,9 @@ pub fn ranges(graph: &Graph) -> Vec<Range> {
                 let width = f64::from(graph.width(a));
                 multiply(product, Range::point(width))
             }
-            Op::Sample { grid, .. } => stored(graph, grid),
+            Op::Sample { grid, .. } => stored(grid),
             Op::SampleGradient { grid, .. } => {
-                let r = stored(graph, grid);
+                let r = stored(grid);
                 let d = 4.0 * (r.high - r.low);
                 Range::new(-d, d, false)
             }

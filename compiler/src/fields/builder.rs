@@ -1,7 +1,7 @@
 //! Builds kernels: resources and uniforms on demand, functions statement by statement.
 
 use super::helpers::Helper;
-use crate::ir::{Graph, GridId, NodeId, TableId, Type};
+use crate::ir::{Graph, GridId, MeshId, NodeId, TableId, Type};
 use crate::program::kernel::{
     Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stmt, Struct, Ty,
 };
@@ -45,6 +45,12 @@ impl KernelBuilder {
             FrameValue::White => ("white", 1, false),
             FrameValue::Steps => ("steps", 1, true),
             FrameValue::MaxWork => ("max_work", 1, true),
+            FrameValue::Paths => ("paths", 1, true),
+            FrameValue::FirstPath => ("first_path", 1, true),
+            FrameValue::Seed => ("seed", 1, true),
+            FrameValue::Rounds => ("rounds", 1, true),
+            FrameValue::CacheLow => ("cache_low", 3, false),
+            FrameValue::CacheSize => ("cache_size", 1, false),
             FrameValue::PixelScale => ("pixel_scale", 1, false),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
@@ -60,6 +66,11 @@ impl KernelBuilder {
         let truth = graph.ty(node) == Type::Bool;
         let value = self.uniform(&name, width, truth, UniformSource::Node(node));
         if truth { Expr::binary(crate::program::kernel::BinaryOp::NotEqual, value, 0u32) } else { value }
+    }
+
+    /// The largest value that a node can have anywhere.
+    pub fn majorant(&mut self, node: NodeId, name: &str) -> Expr {
+        self.uniform(&format!("{name}_majorant"), 1, false, UniformSource::Majorant(node))
     }
 
     fn resource(&mut self, name: &str, kind: ResourceKind, binding: Binding) -> u32 {
@@ -82,6 +93,16 @@ impl KernelBuilder {
     pub fn table(&mut self, graph: &Graph, table: TableId) -> u32 {
         let name = format!("{}_rows", graph.table(table).name);
         self.resource(&name, ResourceKind::ReadBuffer(Ty::F32), Binding::Table(table))
+    }
+
+    /// The buffer of a mesh.
+    pub fn mesh(&mut self, mesh: MeshId) -> u32 {
+        self.resource(&format!("mesh_{}_nodes", mesh.0), ResourceKind::ReadBuffer(Ty::U32), Binding::Mesh(mesh))
+    }
+
+    /// Columns of light that are kept.
+    pub fn cache(&mut self) -> u32 {
+        self.resource("columns", ResourceKind::WriteBuffer(Ty::F32), Binding::Cache)
     }
 
     /// The list of rays.
@@ -131,9 +152,9 @@ impl KernelBuilder {
         Expr::Call(self.helper(graph, helper), arguments.into())
     }
 
-    /// The kernel, what to bind to it, and the contents of its uniform block.
+    /// The kernels (each a name, a workgroup and an entry point), what to bind to them, and the contents of their uniform block.
     #[must_use]
-    pub fn finish(mut self, name: &str, workgroup: [u32; 3], entry: Function) -> (Kernel, Vec<Binding>, UniformLayout) {
+    pub fn finish(mut self, entries: Vec<(&str, [u32; 3], Function)>) -> (Vec<Kernel>, Vec<Binding>, UniformLayout) {
         let layout = UniformLayout::new(self.uniforms.iter().cloned());
         let prim =
             |integer: bool| if integer { crate::program::kernel::Prim::U32 } else { crate::program::kernel::Prim::F32 };
@@ -145,15 +166,19 @@ impl KernelBuilder {
             resources.push(resource);
             bindings.push(binding);
         }
-        let kernel = Kernel {
-            name: name.to_owned(),
-            workgroup,
-            structs: self.structs,
-            resources,
-            functions: self.functions,
-            entry,
-        };
-        (kernel, bindings, layout)
+        let kernels = entries.into_iter().map(|(name, workgroup, entry)| {
+            let mut kernel = Kernel {
+                name: name.to_owned(),
+                workgroup,
+                structs: self.structs.clone(),
+                resources: resources.clone(),
+                functions: self.functions.clone(),
+                entry,
+            };
+            crate::program::prune(&mut kernel);
+            kernel
+        });
+        (kernels.collect(), bindings, layout)
     }
 }
 
@@ -183,7 +208,6 @@ fn literal(graph: &Graph, node: NodeId) -> Option<Expr> {
 pub struct Code {
     function: Function,
     blocks: Vec<Vec<Stmt>>,
-    later: Vec<(LocalId, Expr)>,
 }
 
 impl Code {
@@ -191,7 +215,7 @@ impl Code {
     #[must_use]
     pub fn new(name: &str, origin: Option<Span>) -> Self {
         let function = Function { name: name.to_owned(), origin, ..Function::default() };
-        Self { function, blocks: vec![vec![]], later: vec![] }
+        Self { function, blocks: vec![vec![]] }
     }
 
     /// Adds a parameter and gives its value.
@@ -326,17 +350,6 @@ impl Code {
     /// Adds the statements of a closed block.
     pub fn push_all(&mut self, block: Vec<Stmt>) {
         block.into_iter().for_each(|s| self.push(s));
-    }
-
-    /// Keeps an addition for when it is known whether it happens; [`Code::take_later`] gives them back.
-    pub fn set_later(&mut self, local: LocalId, amount: Expr) {
-        self.later.push((local, amount));
-    }
-
-    /// What [`Code::set_later`] kept.
-    #[must_use]
-    pub fn take_later(&mut self) -> Vec<(LocalId, Expr)> {
-        std::mem::take(&mut self.later)
     }
 
     /// The finished function.

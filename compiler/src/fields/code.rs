@@ -456,3 +456,50 @@ pub fn field_function(
     let id = builder.add_function(code.finish(Some(result)));
     FieldFunction { id, result, hoisted, altitudes, count: roots.len() }
 }
+
+/// A phase function in a kernel.
+#[derive(Clone, Debug)]
+pub struct PhaseFunction {
+    /// Which function of the kernel.
+    pub id: FunctionId,
+    /// The inputs that the caller passes, in order.
+    pub inputs: Vec<Input>,
+}
+
+/// Writes a function `name(inputs…)` of a phase function, with the inputs that it reads and no others.
+pub fn phase_function(
+    graph: &Graph,
+    tiers: &[Tier],
+    builder: &mut KernelBuilder,
+    name: &str,
+    node: NodeId,
+) -> PhaseFunction {
+    let live = graph.reachable(&[node]);
+    let mut inputs = vec![];
+    for id in graph.ids().filter(|id| live[id.0 as usize]) {
+        match *graph.op(id) {
+            Op::Input(Input::Time) => {}
+            Op::Input(input) => inputs.push(input),
+            _ => {}
+        }
+    }
+    let mut code = Code::new(name, graph.origin(node).span);
+    let mut writer = Writer::new(graph, tiers);
+    for input in &inputs {
+        let name = match input {
+            Input::Position => "p",
+            Input::Direction => "dir",
+            Input::CosTheta => "cos_theta",
+            Input::Versine => "versine",
+            Input::Vercosine => "vercosine",
+            Input::Time => "time",
+            Input::Altitude(_) => "h",
+        };
+        let value = code.parameter(name, Ty::float(input.ty().width()));
+        writer.know_input(*input, value);
+    }
+    let value = writer.write(builder, &mut code, &[node]).remove(0);
+    code.return_(value);
+    let id = builder.add_function(code.finish(Some(type_of(graph, node))));
+    PhaseFunction { id, inputs }
+}

@@ -10,5 +10,5 @@ mod table;
 mod volume;
 
 pub use builder::{Code, KernelBuilder};
-pub use code::{FieldFunction, Writer, field_function};
+pub use code::{FieldFunction, PhaseFunction, Writer, field_function, phase_function};
 pub use helpers::Helper;

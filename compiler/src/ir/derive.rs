@@ -231,7 +231,9 @@ impl Forward<'_> {
                 let known = self.altitudes.iter().find(|a| a.0 == shell).ok_or(Unsupported::Altitude)?;
                 self.dot(known.1, self.seeds[self.seed])
             }
-            Op::Input(Input::Position | Input::Direction | Input::CosTheta | Input::Time) => None,
+            Op::Input(
+                Input::Position | Input::Direction | Input::CosTheta | Input::Versine | Input::Vercosine | Input::Time,
+            ) => None,
             Op::Unary(u, a) => self.of(a).and_then(|d| self.unary(id, u, a, d)),
             Op::Binary(b, x, y) => self.binary(id, b, x, y),
             Op::PowI(_, 0) => None,

@@ -22,20 +22,7 @@ pub struct Origin {
     pub name: Option<String>,
 }
 
-/// How often a value can change, from least to most. The order is meaningful: an operation has the largest tier of its operands.
-#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Tier {
-    /// Known when compiling.
-    Constant,
-    /// Depends on parameters or time: computed once per frame in f64 on the host.
-    Frame,
-    /// Depends on the direction too: once per ray.
-    Ray,
-    /// Depends on the position: at every sample.
-    Sample,
-}
-
-/// A piecewise-linear table or transfer function. Entries are nodes of tier [`Tier::Frame`] or lower.
+/// A piecewise-linear table or transfer function. Entries are nodes of tier [`Tier::Frame`](super::Tier::Frame) or lower.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// The scene's name.
@@ -435,30 +422,5 @@ impl Graph {
             }
         }
         seen
-    }
-
-    /// The tier of every node. A loop variable counts as a constant: where its loop runs decides.
-    #[must_use]
-    pub fn tiers(&self) -> Vec<Tier> {
-        let mut tiers: Vec<Tier> = Vec::with_capacity(self.len());
-        for op in &self.ops {
-            let mut tier = match op {
-                Op::Input(Input::Position | Input::Altitude(_)) => Tier::Sample,
-                Op::Input(Input::Direction | Input::CosTheta) => Tier::Ray,
-                Op::Input(Input::Time) | Op::Param(_) => Tier::Frame,
-                Op::Lookup { table, .. } | Op::LookupSlope { table, .. } => {
-                    let table = self.table(*table);
-                    table.keys.iter().chain(&table.values).map(|n| tiers[n.0 as usize]).max().unwrap_or(Tier::Constant)
-                }
-                _ => Tier::Constant,
-            };
-            Self::operands(op, |a| tier = tier.max(tiers[a.0 as usize]));
-            // Voxels are not in the program: a sample at a constant place is known once per frame at the earliest.
-            if matches!(op, Op::Sample { .. } | Op::SampleGradient { .. }) {
-                tier = tier.max(Tier::Frame);
-            }
-            tiers.push(tier);
-        }
-        tiers
     }
 }

@@ -28,9 +28,10 @@ mod light;
 mod print;
 mod scene;
 mod schedule;
+mod tier;
 mod verify;
 
-pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId, Tier};
+pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId};
 pub use light::{Light, LightKind, MeshId, MeshInfo, Surface, SurfaceShape};
 pub use print::print;
 pub use scene::{
@@ -38,6 +39,7 @@ pub use scene::{
     Primitive, PrimitiveKind, Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
 };
 pub use schedule::{Step, free_variables, schedule, schedule_with};
+pub use tier::{Tier, Tiers};
 pub use verify::verify;
 
 /// Identifies a declared grid.
@@ -120,6 +122,11 @@ pub enum Input {
     Direction,
     /// Cosine between travel before and after scattering, +1 forward. Width 1.
     CosTheta,
+    /// 1 − [`Input::CosTheta`], which engines take from the directions themselves (half the square of their difference), so
+    /// that narrow forward lobes keep their digits. Passes make it. Width 1.
+    Versine,
+    /// 1 + [`Input::CosTheta`] likewise, for backward lobes. Width 1.
+    Vercosine,
     /// Seconds. Width 1.
     Time,
     /// Altitude above the inner radius of a `shell`, in units of length, computed by the engine without cancellation:
@@ -133,7 +140,7 @@ impl Input {
     pub fn ty(self) -> Type {
         match self {
             Self::Position | Self::Direction => Type::VEC3,
-            Self::CosTheta | Self::Time | Self::Altitude(_) => Type::SCALAR,
+            Self::CosTheta | Self::Versine | Self::Vercosine | Self::Time | Self::Altitude(_) => Type::SCALAR,
         }
     }
 }

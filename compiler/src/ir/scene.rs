@@ -367,6 +367,16 @@ impl FieldScene {
         }
     }
 
+    /// The params' defaults in the graph's units.
+    #[must_use]
+    pub fn defaults(&self) -> Vec<Vec<f64>> {
+        let scaled = |p: &Param| {
+            let factor = self.units.scale(p.dimension[0]);
+            p.default.iter().map(|v| v * factor).collect()
+        };
+        self.params.iter().map(scaled).collect()
+    }
+
     /// Rewrites every node that something outside the graph names.
     pub fn map_roots(&mut self, map: &mut dyn FnMut(NodeId) -> NodeId) {
         for medium in &mut self.media {

@@ -6,11 +6,12 @@
 //! | x+0, x−0, x·1, x/1, x·0, 0/x, −(−x), x−x, x^0, x^1, min(x,x), `if true` … | none |
 //! | (x·a)·b → x·(a·b), (x+a)+b → x+(a+b), (x/a)·b → x·(b/a) for constants a, b | 2 ulp |
 //! | pow(x, n) → powi(x, n) for whole |n| ≤ 64 | 1 ulp |
+//! | 1 ∓ cos θ → versine, vercosine | removes a cancellation |
 //! | 1 − exp(x) → −expm1(x), exp(x) − 1 → expm1(x) | removes a cancellation |
 //! | dot(c, v) with one component of c not 0 → c_i·v_i | none |
 
 use super::vector::splat_of;
-use crate::ir::{Binary, Graph, NodeId, Op, Unary};
+use crate::ir::{Binary, Compare, Graph, Input, NodeId, Op, Unary};
 
 fn number(graph: &Graph, id: NodeId) -> Option<f64> {
     graph.number(id)
@@ -22,6 +23,28 @@ fn unary(graph: &mut Graph, op: Unary, a: NodeId) -> NodeId {
 
 fn binary(graph: &mut Graph, op: Binary, a: NodeId, b: NodeId) -> NodeId {
     super::push(graph, Op::Binary(op, a, b))
+}
+
+/// 1 − μ, or 1 + μ if `plus`, where μ is ± the cosine of the scattering angle, or that times a sign.
+fn versine(graph: &mut Graph, mu: NodeId, plus: bool) -> Option<NodeId> {
+    match *graph.op(mu) {
+        Op::Input(Input::CosTheta) => Some(graph.input(if plus { Input::Vercosine } else { Input::Versine })),
+        Op::Unary(Unary::Neg, a) => versine(graph, a, !plus),
+        Op::Binary(Binary::Mul, a, b) => {
+            let (sign, cosine) = match (*graph.op(a), *graph.op(b)) {
+                (Op::Unary(Unary::Sign, _), _) => (a, b),
+                (_, Op::Unary(Unary::Sign, _)) => (b, a),
+                _ => return None,
+            };
+            let (along, against) = (versine(graph, cosine, plus)?, versine(graph, cosine, !plus)?);
+            let (zero, one) = (graph.scalar(0.0), graph.scalar(1.0));
+            let below = super::push(graph, Op::Compare(Compare::Less, sign, zero));
+            let above = super::push(graph, Op::Compare(Compare::Less, zero, sign));
+            let rest = super::push(graph, Op::Select { condition: below, accept: against, reject: one });
+            Some(super::push(graph, Op::Select { condition: above, accept: along, reject: rest }))
+        }
+        _ => None,
+    }
 }
 
 /// The operands of a binary node with the constant one last, for commutative operations.
@@ -104,12 +127,15 @@ fn binary_rule(graph: &mut Graph, op: Binary, x: NodeId, y: NodeId) -> Option<No
         Binary::Add => match (nx, ny) {
             (Some(0.0), _) => Some(y),
             (_, Some(0.0)) => Some(x),
+            (Some(1.0), _) if versine(graph, y, true).is_some() => versine(graph, y, true),
+            (_, Some(1.0)) if versine(graph, x, true).is_some() => versine(graph, x, true),
             _ => reassociate(graph, op, x, y),
         },
         Binary::Sub => match (nx, ny) {
             (_, Some(0.0)) => Some(x),
             (Some(0.0), _) => Some(unary(graph, Unary::Neg, y)),
             _ if x == y => Some(zero(graph)),
+            (Some(1.0), _) if graph.width(y) == 1 && versine(graph, y, false).is_some() => versine(graph, y, false),
             (Some(1.0), _) => match *graph.op(y) {
                 Op::Unary(Unary::Exp, a) => {
                     let m = unary(graph, Unary::Expm1, a);

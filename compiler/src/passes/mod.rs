@@ -5,6 +5,7 @@
 
 mod algebra;
 mod fold;
+mod unroll;
 mod vector;
 
 use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op};
@@ -14,7 +15,8 @@ use crate::program::Ledger;
 pub type Rule = fn(&mut Graph, &Op) -> Option<NodeId>;
 
 /// The passes in order, by name.
-pub const PASSES: [(&str, Rule); 3] = [("fold", fold::rule), ("vector", vector::rule), ("algebra", algebra::rule)];
+pub const PASSES: [(&str, Rule); 4] =
+    [("fold", fold::rule), ("vector", vector::rule), ("algebra", algebra::rule), ("unroll", unroll::rule)];
 
 /// Adds an operation through all rules, so that what backends derive is as tidy as what passes made.
 pub fn push(graph: &mut Graph, op: Op) -> NodeId {

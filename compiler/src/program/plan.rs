@@ -1,6 +1,6 @@
 //! The plan: what the runtime binds, fills and dispatches, as plain data.
 
-use crate::ir::{GridId, NodeId, TableId};
+use crate::ir::{GridId, MeshId, NodeId, TableId};
 
 /// Where the rays of a drawing come from.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
@@ -53,6 +53,10 @@ pub struct Fault {
 }
 
 impl Fault {
+    /// What a kernel writes when the driver ended one of its loops early: some (llvmpipe among them) end all loops of an
+    /// invocation after 65535 rounds in all, and say nothing.
+    pub const CUT_SHORT: u32 = u32::MAX;
+
     /// The number a kernel writes: 1 + medium·8 + field·2 + not_finite, with fields k_a, k_s, k_e, k_t in this order.
     #[must_use]
     pub fn code(&self) -> u32 {
@@ -75,6 +79,9 @@ impl Fault {
 pub enum UniformSource {
     /// A node of the optimised graph of tier Frame, evaluated in f64 on the host.
     Node(NodeId),
+    /// The largest value that a node can have anywhere in the scene at these parameters, by interval arithmetic: the majorant of
+    /// a coefficient.
+    Majorant(NodeId),
     /// Something about this drawing.
     Frame(FrameValue),
 }
@@ -117,6 +124,18 @@ pub enum FrameValue {
     Steps,
     /// u32: `max_work`
     MaxWork,
+    /// u32: paths of a pixel or ray in this dispatch
+    Paths,
+    /// u32: number of the first of them
+    FirstPath,
+    /// u32: `--seed`
+    Seed,
+    /// vec3: lower corner of the cube in which columns of light are kept
+    CacheLow,
+    /// f32: its edge
+    CacheSize,
+    /// u32: 2, which no compiler knows: a loop of so many rounds shows whether the driver still lets loops go on
+    Rounds,
     /// f32: how many pixels of the picture one unit of u spans (height/2)
     PixelScale,
 }
@@ -173,6 +192,13 @@ pub enum Binding {
     Grid(GridId),
     /// A table: array of f32: per row its key, then its values, `width + 1` numbers a row.
     Table(TableId),
+    /// A mesh: array of u32, the bits of f32 but where it says so. First eight numbers, of which the first is the count of nodes as the bits of a u32. Then the nodes
+    /// of a hierarchy of boxes in depth-first order, eight numbers each: lower corner, the node to go on with when this one
+    /// is missed (bits), upper corner, and for a leaf its first triangle · 8 + number of triangles (bits), else 0. Then
+    /// triangles, nine numbers each: a corner, and the two edges from it. In the scene's units.
+    Mesh(MeshId),
+    /// Optical depths towards lights, one or one per band for each node: array of f32, filled by [`FillPass`].
+    Cache,
     /// Rays of the list.
     Rays,
     /// Records, one per ray: array of f32.
@@ -197,6 +223,17 @@ pub struct Pass {
     pub extent: Extent,
 }
 
+/// A pass that fills [`Binding::Cache`] before anything is drawn. Node `TileOrigin.x + i` is invocation `i` of `RayCount`.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct FillPass {
+    /// Which of the program's kernels.
+    pub kernel: u32,
+    /// Invocations in all.
+    pub nodes: u32,
+    /// Numbers that the cache holds.
+    pub floats: u32,
+}
+
 /// How steps are chosen.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub enum StepRule {
@@ -206,6 +243,8 @@ pub enum StepRule {
     Fixed(u32),
     /// By local error control, to this accuracy.
     Adaptive(f64),
+    /// Random paths: this many of each pixel or ray, or as many as `accuracy` needs.
+    Paths(Option<u32>),
 }
 
 /// Everything the runtime must know to draw.
@@ -227,6 +266,8 @@ pub struct Plan {
     pub passes: Vec<Pass>,
     /// How steps are chosen.
     pub steps: StepRule,
+    /// What is worked out once for each picture.
+    pub fill: Option<FillPass>,
     /// Samples per pixel.
     pub samples: u32,
     /// Most evaluations a ray of the camera is expected to need: for the size of tiles.

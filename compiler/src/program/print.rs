@@ -120,6 +120,8 @@ pub fn print_plan(program: &Program) -> String {
     let _ = match plan.steps {
         StepRule::Closed => writeln!(out, "steps none: closed forms"),
         StepRule::Fixed(n) => writeln!(out, "steps {n}, midpoint rule with the exact exponential inside a step"),
+        StepRule::Paths(None) => writeln!(out, "paths until the standard error is within the accuracy"),
+        StepRule::Paths(Some(n)) => writeln!(out, "paths {n}"),
         StepRule::Adaptive(a) => writeln!(out, "steps by local error control to accuracy {a:e}"),
     };
     let _ = writeln!(out, "bands {}", bands(scene));
@@ -141,6 +143,11 @@ pub fn print_plan(program: &Program) -> String {
                 let table = scene.graph.table(*id);
                 format!("buffer of table {}: {} rows of {}", table.name, table.keys.len(), table.width + 1)
             }
+            Binding::Mesh(id) => {
+                let info = &scene.meshes[id.0 as usize];
+                format!("buffer of mesh {}: {} triangles and their boxes", info.path, info.header.triangles)
+            }
+            Binding::Cache => format!("cache of {} depths towards lights", plan.fill.map_or(0, |f| f.floats)),
             Binding::Rays => "buffer of rays, 8 f32 each".into(),
             Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
         };
@@ -151,11 +158,16 @@ pub fn print_plan(program: &Program) -> String {
         let prim = if field.integer { "u32" } else { "f32" };
         let source = match field.source {
             UniformSource::Node(node) => format!("node %{}", node.0),
+            UniformSource::Majorant(node) => format!("majorant of node %{}", node.0),
             UniformSource::Frame(value) => format!("{value:?}"),
         };
         let _ = writeln!(out, "    {:4} {} : {prim} × {} = {source}", field.offset, field.name, field.width);
     }
     let _ = writeln!(out, "passes:");
+    if let Some(fill) = plan.fill {
+        let kernel = &program.kernels[fill.kernel as usize].name;
+        let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
+    }
     for pass in &plan.passes {
         let over = match pass.extent {
             Extent::Tile => "pixels of a tile",

@@ -1,6 +1,8 @@
 //! The field graph and its f64 evaluator against definitions written out here a second time.
 
+mod closed;
 mod derive;
+mod feature;
 mod grid;
 mod hash;
 mod loops;

@@ -2,7 +2,8 @@
 
 use crate::build::*;
 use crate::{close, here, metres, value};
-use compiler::check::hir::{Builtin, Dim, Expr, ExprKind, Medium, Type};
+use compiler::check::hir::{Builtin, Dim, Expr, ExprKind, Surface, SurfaceShape, Type};
+use compiler::loader::MeshHeader;
 use compiler::syntax::ast::BinaryOp;
 
 /// The value of an expression at p = (0.5, −2, 3) m, component by component.
@@ -13,12 +14,14 @@ fn eval(e: Expr) -> Vec<f64> {
     }
 }
 
-/// A phase function may be any number, of either sign.
+/// Lowering takes any number as an albedo, of either sign.
 fn scalar(e: Expr) -> f64 {
     let mut scene = scene();
-    scene.media.push(Medium { k_s: Some(per_m(1.0)), phase: Some(e), ..medium("probe") });
+    let header = MeshHeader { triangles: 1, bounds: ([0.0; 3], [1.0; 3]) };
+    let shape = SurfaceShape::Mesh { path: "probe.obj".into(), from: "test".into(), header };
+    scene.surfaces.push(Surface { name: "probe".into(), span: span(0), shape, albedo: Some(e) });
     let lowered = metres(&scene);
-    value(&lowered, lowered.media[0].phase.expect("a phase"), &here(0.5, -2.0, 3.0))[0]
+    value(&lowered, lowered.surfaces[0].albedo, &here(0.5, -2.0, 3.0))[0]
 }
 
 fn one(builtin: Builtin, x: f64) -> f64 {

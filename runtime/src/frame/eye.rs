@@ -3,8 +3,9 @@
 use super::bounds::Ball;
 use super::vector::{along, dot, length, scale, sub};
 use super::{Camera, Vec3, View};
-use compiler::ir::FieldScene;
+use compiler::analysis::range::{Known, Range, ranges_of};
 use compiler::ir::eval::evaluate_frame;
+use compiler::ir::{FieldScene, Graph};
 
 /// An eye or a ray's origin farther from the scene than this many of its radii is moved near it.
 const FAR: f64 = 16.0;
@@ -28,6 +29,45 @@ pub struct Frame {
     pub max_work: u32,
     /// Where rays come from.
     pub eye: Eye,
+    /// Paths of a pixel or ray in one dispatch, for scattering of all orders.
+    pub paths: u32,
+    /// Number of the first of them.
+    pub first_path: u32,
+    /// Of random numbers.
+    pub seed: u32,
+    /// A ball around the media, if they are bounded: for majorants.
+    pub bounds: Option<Ball>,
+    /// Values of the grids, for majorants.
+    pub grids: Vec<Range>,
+}
+
+impl Frame {
+    /// Lower corner and edge of the cube around the media in which columns of light are kept.
+    #[must_use]
+    pub fn cube(&self) -> (Vec3, f64) {
+        let ball = self.bounds.unwrap_or(Ball { center: [0.0; 3], radius: 1.0 });
+        // A little wider, so that rounding leaves nothing outside.
+        let reach = ball.radius * (1.0 + 1e-4) + 1e-30;
+        (ball.center.map(|c| c - reach), 2.0 * reach)
+    }
+
+    /// What every node of a graph can be anywhere in the scene.
+    #[must_use]
+    pub fn majorants(&self, graph: &Graph) -> Vec<Range> {
+        let mut known = Known {
+            time: Range { low: self.time, high: self.time, nan: false },
+            params: &self.params,
+            grids: &self.grids,
+            ..Known::default()
+        };
+        if let Some(ball) = self.bounds {
+            let reach = |sign: f64| ball.center.iter().map(move |c| c + sign * ball.radius);
+            let low = reach(-1.0).fold(f64::INFINITY, f64::min);
+            let high = reach(1.0).fold(f64::NEG_INFINITY, f64::max);
+            known.position = Range { low, high, nan: false };
+        }
+        ranges_of(graph, &known)
+    }
 }
 
 /// The camera as kernels get it; see [`compiler::program::FrameValue`] for the formulas.

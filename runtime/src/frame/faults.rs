@@ -29,6 +29,14 @@ impl FaultTally {
     #[must_use]
     pub fn diagnostics(&self, scene: &FieldScene, rays: &str) -> Diagnostics {
         let mut found = Diagnostics::default();
+        if let Some((count, _)) = self.found.get(&Fault::CUT_SHORT) {
+            let message = format!("the graphics driver ended loops before they were done, in {count} {rays}");
+            found.push(
+                Diagnostic::error("E0656", message)
+                    .note("this driver ends all loops of an invocation after a number of rounds and does not say so; the light of these rays is wrong")
+                    .hint("try a lower accuracy or fewer `steps`, or `--engine cpu`"),
+            );
+        }
         for (code, (count, position)) in &self.found {
             let Some(fault) = Fault::from_code(*code) else { continue };
             let Some(medium) = scene.media.get(fault.medium as usize) else { continue };

@@ -10,6 +10,7 @@ mod faults;
 mod loader;
 mod measure;
 mod params;
+mod paths;
 mod samples;
 mod session;
 #[cfg(test)]

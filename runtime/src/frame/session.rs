@@ -1,15 +1,21 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
 use super::measure::{Measured, Samples, worst};
-use super::{Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, Params, pack_ray, sample_offsets, scene_bounds};
+use super::paths::{Batches, LEAST_BATCHES, Tally};
+use super::{
+    Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, LoadedMesh, Params, Vec3, pack_ray, sample_offsets,
+    scene_bounds,
+};
 use crate::data::Volume;
-use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, Tile};
-use crate::engine::reference::{self, Reference};
+use crate::data::mesh::Mesh;
+use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile};
+use crate::engine::reference::{self, MeshHit, Meshes, Reference};
 use crate::image::Picture;
+use compiler::analysis::range::Range;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::Voxels;
-use compiler::ir::{Aa, FieldScene, GridId};
-use compiler::program::{OutputKind, Plan, Program, StepRule};
+use compiler::ir::{Aa, FieldScene, GridId, MeshId, MeshInfo, Scattering};
+use compiler::program::{OutputKind, Plan, Program, StepRule, UniformSource};
 use compiler::source::Sources;
 use std::sync::Arc;
 use std::time::Instant;
@@ -59,6 +65,8 @@ pub struct Settings {
     pub engine: EngineChoice,
     /// Which adapter, for the GPU.
     pub adapter: AdapterChoice,
+    /// Of random numbers.
+    pub seed: u64,
 }
 
 /// The grids of a scene, by their number.
@@ -68,6 +76,18 @@ struct Grids(Vec<Loaded>);
 impl Voxels for Grids {
     fn voxel(&self, grid: GridId, [i, j, k]: [u32; 3]) -> f64 {
         self.0[grid.0 as usize].volume.value(i as usize, j as usize, k as usize)
+    }
+}
+
+/// The meshes of a scene, by their number.
+#[derive(Clone, Debug, Default)]
+struct Triangles(Vec<LoadedMesh>);
+
+impl Meshes for Triangles {
+    fn hit(&self, mesh: MeshId, origin: Vec3, direction: Vec3, reach: f64) -> Option<MeshHit> {
+        let mesh = &self.0.get(mesh.0 as usize)?.mesh;
+        let (t, triangle) = mesh.nearest(origin, direction, (0.0, reach))?;
+        Some(MeshHit { t, normal: mesh.normal(triangle) })
     }
 }
 
@@ -86,8 +106,11 @@ pub struct Session {
     warnings: Diagnostics,
     options: compiler::Options,
     grids: Grids,
+    meshes: Triangles,
     engine: Engine,
     fallback: Option<String>,
+    seed: u64,
+    grid_ranges: Vec<Range>,
     compile_ms: f64,
     build_ms: f64,
 }
@@ -99,8 +122,12 @@ pub struct Drawing {
     pub picture: Picture,
     /// Whether a pixel straddles an edge, row by row; empty when the engine does not say.
     pub edges: Vec<bool>,
-    /// The largest estimated error of a pixel, in lx, and as a multiple of what `accuracy` allows there.
+    /// The largest error of a pixel as the engine knows it, in lx, and as a multiple of what `accuracy` allows there.
     pub predicted: Option<(f64, f64)>,
+    /// What kind of error that is: `estimate` or `standard-error`.
+    pub error_kind: &'static str,
+    /// Paths of each pixel, if the picture was drawn by chance.
+    pub paths: Option<u64>,
     /// Field evaluations in all, if they were counted.
     pub evaluations: Option<u64>,
     /// Milliseconds to draw.
@@ -201,19 +228,38 @@ impl Session {
                 warnings.push(at_grid(diagnostic, &program.lowered, i));
             }
         }
+        let infos = &program.lowered.meshes;
+        let meshes = loader.meshes(infos).map_err(|(error, mesh)| {
+            let mut diagnostic = Diagnostic::error(error.code, error.message);
+            diagnostic.hints.extend(error.hint);
+            warnings.push(at_mesh(diagnostic, infos, mesh));
+            trouble(Cause::Input, &warnings)
+        })?;
+        for (i, mesh) in meshes.iter().enumerate() {
+            for warning in &mesh.warnings {
+                let mut diagnostic = warning.to_diagnostic();
+                diagnostic.message = format!("`{}`: {}", mesh.name, diagnostic.message);
+                warnings.push(at_mesh(diagnostic, infos, i));
+            }
+        }
         let program = Arc::new(program);
-        let (engine, fallback) = choose(&program, shaders, &loaded, &settings).map_err(|error| {
+        let (engine, fallback) = choose(&program, shaders, (&loaded, &meshes), &settings).map_err(|error| {
             warnings.push(machine(&error));
             trouble(Cause::Machine, &warnings)
         })?;
+        let majorants = program.plan.uniforms.fields.iter().any(|f| matches!(f.source, UniformSource::Majorant(_)));
+        let grid_ranges = if majorants { loaded.iter().map(|l| values(&l.volume)).collect() } else { vec![] };
         Ok(Self {
             program,
             sources,
             warnings,
             options: settings.options,
             grids: Grids(loaded),
+            meshes: Triangles(meshes),
             engine,
             fallback,
+            seed: settings.seed,
+            grid_ranges,
             compile_ms,
             build_ms: milliseconds(started),
         })
@@ -277,6 +323,8 @@ impl Session {
         match (&self.engine, self.program.plan.steps) {
             (Engine::Cpu | Engine::Reference, StepRule::Fixed(n)) => format!("{n} along each ray"),
             (Engine::Cpu | Engine::Reference, _) => "adaptive panels of 8 nodes".into(),
+            (Engine::Gpu(_), StepRule::Paths(None)) => format!("random paths, to {}", self.accuracy()),
+            (Engine::Gpu(_), StepRule::Paths(Some(n))) => format!("random paths, {n} of each pixel"),
             (Engine::Gpu(_), StepRule::Closed) => "none (closed forms)".into(),
             (Engine::Gpu(_), StepRule::Fixed(n)) => format!("{n} along each ray"),
             (Engine::Gpu(_), StepRule::Adaptive(a)) => format!("adaptive, to {a}"),
@@ -338,17 +386,24 @@ impl Session {
             size: camera.map_or([0, 0], |c| c.size),
             accuracy: match plan.steps {
                 StepRule::Adaptive(a) => a,
-                StepRule::Closed | StepRule::Fixed(_) => self.accuracy(),
+                StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => self.accuracy(),
             },
             white: if camera.is_some() { super::white(scene, &params.0, time) } else { 0.0 },
             steps: match plan.steps {
                 StepRule::Fixed(n) => n,
-                StepRule::Closed | StepRule::Adaptive(_) => self.options.steps.or(scene.render.steps).unwrap_or(0),
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
+                    self.options.steps.or(scene.render.steps).unwrap_or(0)
+                }
             },
             max_work: scene.render.max_work,
             eye: camera.map_or(none, |c| Eye::new(c, bounds)),
             params: params.0.clone(),
             time,
+            paths: 0,
+            first_path: 0,
+            seed: self.seed as u32 ^ (self.seed >> 32) as u32,
+            bounds: super::bounds::bounded_media(scene, &params.0, time),
+            grids: self.grid_ranges.clone(),
         }
     }
 
@@ -360,6 +415,7 @@ impl Session {
     pub fn draw(&mut self, params: &Params, time: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Drawing, Trouble> {
         let camera = self.camera(params, time)?;
         match &self.engine {
+            Engine::Gpu(_) if self.is_random() => self.draw_paths(params, time, &camera, progress),
             Engine::Gpu(_) => self.draw_gpu(params, time, &camera, progress),
             Engine::Cpu | Engine::Reference => self.draw_cpu(params, time, &camera, progress),
         }
@@ -389,6 +445,8 @@ impl Session {
             picture: Picture::new(camera.size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
             edges,
             predicted,
+            error_kind: "estimate",
+            paths: None,
             evaluations,
             milliseconds: timing.milliseconds,
             clock: match timing.clock {
@@ -400,6 +458,111 @@ impl Session {
             params: params.clone(),
             time,
         })
+    }
+
+    /// Whether the picture is drawn by random paths.
+    #[must_use]
+    pub fn is_random(&self) -> bool {
+        matches!(self.program.plan.steps, StepRule::Paths(_))
+    }
+
+    fn batches(&self) -> Batches {
+        match self.program.plan.steps {
+            StepRule::Paths(samples) => Batches::new(samples),
+            StepRule::Closed | StepRule::Fixed(_) | StepRule::Adaptive(_) => Batches::new(Some(1)),
+        }
+    }
+
+    /// Follows paths in batches until their standard error is within the accuracy at every pixel.
+    fn draw_paths(
+        &mut self,
+        params: &Params,
+        time: f64,
+        camera: &Camera,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Drawing, Trouble> {
+        let program = Arc::clone(&self.program);
+        let scene = &program.lowered;
+        let mut frame = self.frame(params, time, Some(camera), scene_bounds(scene, &params.0, time));
+        self.check_majorants(&frame)?;
+        let batches = self.batches();
+        let bands = scene.bands.count() as usize;
+        let mut tally = Tally::new(camera.size[0] as usize * camera.size[1] as usize * bands);
+        let (mut milliseconds, mut dispatches, mut clock, mut look) = (0.0, 0, Clock::Gpu, LEAST_BATCHES);
+        let mut transmittance = None;
+        let mut cut_off = 0.0f64;
+        frame.paths = batches.size;
+        while tally.batches() < batches.most {
+            frame.first_path = tally.batches() * batches.size;
+            let mut canvas = Canvas::new(&program.plan, camera.size, bands, &frame);
+            let Engine::Gpu(prepared) = &mut self.engine else {
+                return Err(self.trouble(Cause::Machine, Diagnostics::default()));
+            };
+            let timing = prepared.draw(&frame, &mut |tile, records| canvas.take(tile, records));
+            let timing = timing.map_err(|e| self.broken(&e))?;
+            tally.add(&canvas.radiance);
+            cut_off = cut_off.max(canvas.predicted.map_or(0.0, |p| p.0));
+            transmittance = transmittance.or(canvas.transmittance);
+            milliseconds += timing.milliseconds;
+            dispatches += timing.dispatches;
+            if timing.clock == Clock::Wall {
+                clock = Clock::Wall;
+            }
+            let mut done = f64::from(tally.batches()) / f64::from(batches.most);
+            if batches.open && tally.batches() >= look {
+                look = tally.batches() + batches.after(tally.batches());
+                let (_, share) = tally.worst(bands, frame.accuracy, frame.white);
+                if share <= 1.0 {
+                    break;
+                }
+                // The error falls as 1/√n.
+                done = done.max(1.0 / (share * share));
+            }
+            progress(done);
+        }
+        let worst = tally.worst(bands, frame.accuracy, frame.white);
+        let radiance = tally.mean().iter().map(|v| *v as f32).collect();
+        Ok(Drawing {
+            picture: Picture::new(camera.size, scene.bands.clone(), radiance, transmittance)
+                .map_err(|e| self.image(e))?,
+            edges: vec![],
+            predicted: Some((worst.0 + cut_off, worst.1)),
+            error_kind: "standard-error",
+            paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),
+            evaluations: None,
+            milliseconds,
+            clock: match clock {
+                Clock::Gpu => "gpu",
+                Clock::Wall => "wall",
+            },
+            dispatches,
+            faults: Diagnostics::default(),
+            params: params.clone(),
+            time,
+        })
+    }
+
+    /// Delta tracking needs a bound of every coefficient that has no closed form.
+    fn check_majorants(&self, frame: &Frame) -> Result<(), Trouble> {
+        let graph = &self.program.optimised.graph;
+        let ranges = frame.majorants(graph);
+        for field in &self.program.plan.uniforms.fields {
+            let UniformSource::Majorant(node) = field.source else { continue };
+            let high = ranges[node.0 as usize].high;
+            if high.is_finite() && high < 1e30 {
+                continue;
+            }
+            let what = graph.origin(node).name.clone().unwrap_or_else(|| "a coefficient".into());
+            let diagnostic = Diagnostic::error("E0655", format!("no upper bound is known of `{what}`"))
+                .note("random paths find collisions by a bound that the coefficient never exceeds")
+                .hint("clamp it: `min(…, 100 /m)`, or give the medium a shape");
+            let origin = graph.origin(node).span;
+            return Err(self.input(match origin {
+                Some(span) => diagnostic.at(span, "this may be as large as can be"),
+                None => diagnostic,
+            }));
+        }
+        Ok(())
     }
 
     fn image(&self, error: crate::image::ImageError) -> Trouble {
@@ -421,7 +584,12 @@ impl Session {
             // Far below what a picture can show, and reachable where light is dim.
             options.atol = 1e-12 * white;
         }
-        options
+        self.by_chance(options)
+    }
+
+    /// Of random paths on the processor.
+    fn by_chance(&self, options: reference::Options) -> reference::Options {
+        reference::Options { samples: self.options.samples.map(u64::from), seed: self.seed, ..options }
     }
 
     fn draw_cpu(
@@ -434,7 +602,8 @@ impl Session {
         let scene = &self.program.lowered;
         let started = Instant::now();
         let white = super::white(scene, &params.0, time);
-        let engine = Reference::new(scene, &params.0, time, &self.grids).map_err(|d| self.input(d))?;
+        let engine =
+            Reference::new(scene, &params.0, time, &self.grids).map_err(|d| self.input(d))?.with_meshes(&self.meshes);
         let offsets = sample_offsets(self.program.plan.samples);
         let options = self.picture_options(white);
         let drawn = engine.render(camera, &offsets, &options, progress).map_err(|d| self.input(d))?;
@@ -447,6 +616,11 @@ impl Session {
             picture: Picture::new(camera.size, bands, radiance, Some(transmittance)).map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some(predicted),
+            error_kind: match scene.render.scattering {
+                Scattering::None | Scattering::Single => reference::ErrorKind::Estimate.name(),
+                Scattering::Multiple => reference::ErrorKind::StandardError.name(),
+            },
+            paths: None,
             evaluations: Some(pixels.evaluations),
             milliseconds: milliseconds(started),
             clock: "wall",
@@ -465,7 +639,9 @@ impl Session {
         let scene = &self.program.lowered;
         let camera = self.camera(&drawing.params, drawing.time)?;
         let white = super::white(scene, &drawing.params.0, drawing.time);
-        let engine = Reference::new(scene, &drawing.params.0, drawing.time, &self.grids).map_err(|d| self.input(d))?;
+        let engine = Reference::new(scene, &drawing.params.0, drawing.time, &self.grids)
+            .map_err(|d| self.input(d))?
+            .with_meshes(&self.meshes);
         let by_area = self.options.aa.unwrap_or(scene.image.aa) == Aa::Analytic;
         let samples = Samples::new(self.program.plan.samples, by_area);
         let allowed = (self.accuracy(), white);
@@ -496,6 +672,7 @@ impl Session {
             list.push((origin, direction));
         }
         match self.engine {
+            Engine::Gpu(_) if self.is_random() => self.probe_paths(params, &list, settings),
             Engine::Gpu(_) => self.probe_gpu(params, &list, settings),
             Engine::Cpu | Engine::Reference => self.probe_cpu(params, &list, settings),
         }
@@ -508,7 +685,9 @@ impl Session {
         settings: &ProbeSettings,
     ) -> Result<Vec<RayAnswer>, Trouble> {
         let scene = &self.program.lowered;
-        let engine = Reference::new(scene, &params.0, settings.time, &self.grids).map_err(|d| self.input(d))?;
+        let engine = Reference::new(scene, &params.0, settings.time, &self.grids)
+            .map_err(|d| self.input(d))?
+            .with_meshes(&self.meshes);
         let mut options = reference::Options { rtol: settings.rtol, ..Default::default() };
         if let Engine::Cpu = self.engine {
             // Relative alone, since a probe has no white.
@@ -518,7 +697,7 @@ impl Session {
                 options.steps = Some(n);
             }
         }
-        let results = engine.rays(rays, &options).map_err(|d| self.input(d))?;
+        let results = engine.rays(rays, &self.by_chance(options)).map_err(|d| self.input(d))?;
         Ok(results
             .into_iter()
             .map(|r| RayAnswer {
@@ -528,6 +707,64 @@ impl Session {
                 error: r.error,
                 error_kind: r.error_kind.name(),
                 evaluations: r.evaluations,
+            })
+            .collect())
+    }
+
+    /// Random paths along each ray, until the standard error is within the accuracy relative to the radiance.
+    fn probe_paths(
+        &mut self,
+        params: &Params,
+        rays: &[([f64; 3], [f64; 3])],
+        settings: &ProbeSettings,
+    ) -> Result<Vec<RayAnswer>, Trouble> {
+        let program = Arc::clone(&self.program);
+        let scene = &program.lowered;
+        let bounds = scene_bounds(scene, &params.0, settings.time);
+        let mut frame = self.frame(params, settings.time, None, bounds);
+        self.check_majorants(&frame)?;
+        let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
+        let bands = scene.bands.count() as usize;
+        let reader = Reader::new(&program.plan, bands);
+        let batches = self.batches();
+        frame.paths = if batches.open { 256 } else { batches.size };
+        let most = if batches.open { batches.most / 64 } else { batches.most };
+        let mut tally = Tally::new(rays.len() * bands);
+        let (mut depth, mut clear, mut cut_off) = (vec![], vec![], 0.0f64);
+        while tally.batches() < most {
+            frame.first_path = tally.batches() * frame.paths;
+            let mut batch: Vec<f32> = Vec::with_capacity(rays.len() * bands);
+            let first = tally.batches() == 0;
+            let Engine::Gpu(prepared) = &mut self.engine else {
+                return Err(self.trouble(Cause::Machine, Diagnostics::default()));
+            };
+            let traced = prepared.trace(&frame, &packed, &mut |_, records| {
+                for record in records.chunks_exact(reader.stride) {
+                    batch.extend(reader.bands(record, OutputKind::Radiance));
+                    cut_off = cut_off.max(f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0)));
+                    if first {
+                        let list = |kind| reader.bands(record, kind).map(f64::from).collect::<Vec<f64>>();
+                        clear.push(list(OutputKind::Transmittance));
+                        depth.push(list(OutputKind::OpticalDepth));
+                    }
+                }
+            });
+            traced.map_err(|e| self.broken(&e))?;
+            tally.add(&batch);
+            let enough = batches.open && tally.batches() >= LEAST_BATCHES;
+            if enough && tally.worst(bands, frame.accuracy, 0.0).1 <= 1.0 {
+                break;
+            }
+        }
+        let paths = u64::from(tally.batches()) * u64::from(frame.paths);
+        Ok((0..rays.len())
+            .map(|i| RayAnswer {
+                radiance: tally.mean()[i * bands..(i + 1) * bands].to_vec(),
+                transmittance: clear[i].clone(),
+                optical_depth: depth[i].iter().copied().map(unbounded).collect(),
+                error: (0..bands).map(|b| tally.error(i * bands + b) + cut_off).collect(),
+                error_kind: "standard-error",
+                evaluations: paths,
             })
             .collect())
     }
@@ -553,7 +790,7 @@ impl Session {
                 answers.push(RayAnswer {
                     radiance: list(OutputKind::Radiance),
                     transmittance: list(OutputKind::Transmittance),
-                    optical_depth: list(OutputKind::OpticalDepth),
+                    optical_depth: list(OutputKind::OpticalDepth).into_iter().map(unbounded).collect(),
                     error: list(OutputKind::Error),
                     error_kind: "estimate",
                     evaluations: reader.number(record, OutputKind::Evaluations).map_or(0, |n| n as u64),
@@ -569,12 +806,30 @@ impl Session {
     }
 }
 
+/// What the voxels of a grid can be.
+fn values(volume: &Volume) -> Range {
+    let (low, high) = volume.range();
+    Range { low, high, nan: false }
+}
+
+/// Kernels have no infinity: an integral that has no end is cut off at 3e38 before a coefficient scales it.
+fn unbounded(depth: f64) -> f64 {
+    if depth > 1e33 { f64::INFINITY } else { depth }
+}
+
 fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }
 
 fn at_grid(diagnostic: Diagnostic, scene: &FieldScene, grid: usize) -> Diagnostic {
     match scene.graph.grids.get(grid).and_then(|g| g.span) {
+        Some(span) => diagnostic.at(span, "this file"),
+        None => diagnostic,
+    }
+}
+
+fn at_mesh(diagnostic: Diagnostic, meshes: &[MeshInfo], mesh: usize) -> Diagnostic {
+    match meshes.get(mesh).and_then(|m| m.span) {
         Some(span) => diagnostic.at(span, "this file"),
         None => diagnostic,
     }
@@ -590,13 +845,15 @@ fn machine(error: &GpuError) -> Diagnostic {
 fn choose(
     program: &Arc<Program>,
     shaders: Vec<compiler::emit::Shader>,
-    grids: &[Loaded],
+    (grids, meshes): (&[Loaded], &[LoadedMesh]),
     settings: &Settings,
 ) -> Result<(Engine, Option<String>), GpuError> {
     let gpu = || {
         let gpu = Arc::new(Gpu::new(&settings.adapter, &Needs::of(program))?);
         let grids: Vec<GridData<'_>> = grids.iter().map(|l| grid_data(&l.volume)).collect();
-        gpu.prepare(program, shaders, &grids).map(|p| Engine::Gpu(Box::new(p)))
+        let scale = program.lowered.units.scale(1.0);
+        let meshes: Vec<Vec<f32>> = meshes.iter().map(|m| mesh_data(&m.mesh, scale)).collect();
+        gpu.prepare(program, shaders, SceneData { grids: &grids, meshes: &meshes }).map(|p| Engine::Gpu(Box::new(p)))
     };
     match settings.engine {
         EngineChoice::Gpu => Ok((gpu()?, None)),
@@ -609,6 +866,14 @@ fn choose(
             Err(error) => Ok((Engine::Cpu, Some(error.message))),
         },
     }
+}
+
+/// As kernels read it: the number of nodes, then the tree and the triangles.
+fn mesh_data(mesh: &Mesh, scale: f64) -> Vec<f32> {
+    let mut data = vec![0.0; 8];
+    data[0] = f32::from_bits(mesh.node_count() as u32);
+    data.extend(mesh.pack(scale));
+    data
 }
 
 fn grid_data(volume: &Volume) -> GridData<'_> {

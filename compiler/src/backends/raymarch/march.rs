@@ -1,11 +1,12 @@
 //! Steps through a segment in which something varies: a fixed number of them, or by local error control.
 
+use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
-use super::trace::{Medium, Sampled, Segment, State, Tracer, largest, least, widen};
+use super::trace::{Medium, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::analysis::feature::feature_length;
 use crate::fields::Code;
-use crate::ir::NodeId;
-use crate::program::kernel::{Expr, Math, Prim, Ty};
+use crate::ir::{LightKind, NodeId};
+use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
 use crate::program::{FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
@@ -20,7 +21,7 @@ impl Tracer<'_> {
         let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
-            StepRule::Closed | StepRule::Adaptive(_) => {
+            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
                 self.march_adaptive(code, state, media, segment, &length, &reach);
             }
         }
@@ -66,10 +67,10 @@ impl Tracer<'_> {
 
     /// The exact exponential over a step with constant coefficients: optical depth, and light in the width of radiance.
     fn step(&mut self, code: &mut Code, sampled: &Sampled, h: &Expr, tag: &str) -> (Option<Expr>, Option<Expr>) {
-        let (dw, ew, lw) = (self.scene.depth_width, self.emission_width(), self.scene.light_width);
+        let (dw, ew, lw) = (self.scene.depth_width, self.source_width(), self.scene.light_width);
         let x =
             sampled.extinction.clone().map(|k| code.bind(&format!("x{tag}"), Ty::float(dw), k * h.clone().splat(dw)));
-        let light = sampled.emission.clone().map(|e| {
+        let light = sampled.source.clone().map(|e| {
             let light = widen(e * h.clone().splat(ew), ew, lw);
             let light = match &x {
                 Some(x) => {
@@ -87,8 +88,11 @@ impl Tracer<'_> {
     fn longest_step(&self, length: &Expr) -> Expr {
         let roots: Vec<NodeId> =
             self.scene.matter.iter().filter(|m| m.varying).flat_map(|m| [m.extinction, m.emission]).flatten().collect();
+        let open = self.scene.matter.iter().any(|m| self.open_depth(m));
         match feature_length(self.graph, &roots) {
             Some(cell) => (length.clone() * (1.0 / 8.0)).min(2.0 * cell),
+            // A column needs less care than what is seen along it; what has a closed form is smooth.
+            None if !open || matches!(self.walk, Walk::Shadow { .. }) => length.clone() * (1.0 / 12.0),
             None => length.clone() * (1.0 / 32.0),
         }
     }
@@ -107,6 +111,7 @@ impl Tracer<'_> {
         let accuracy = self.builder.frame(FrameValue::Accuracy);
         let white = self.builder.frame(FrameValue::White);
         let cap = self.builder.frame(FrameValue::MaxWork);
+        let cap = if self.cache.is_some() { cap.min(super::cache::MOST_LOOKS) } else { cap };
         let longest = self.longest_step(length);
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
@@ -114,6 +119,8 @@ impl Tracer<'_> {
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
         let h = code.var("h", Ty::F32, longest.clone());
+        let sharp = self.visible.filter(|_| matches!(self.walk, Walk::Eye));
+        let before = sharp.map(|f| code.var("visible_before", Ty::F32, Expr::Call(f, vec![ray.at(a.clone())])));
         code.open();
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
@@ -130,7 +137,11 @@ impl Tracer<'_> {
         let step = code.bind("step", Ty::F32, last.clone().select(rest, reachable));
         let whole = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.5, "mid");
         let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
-        let second = self.sample(code, ray, state, media, from + step.clone() * 0.75, "second");
+        let second = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.75, "second");
+        let after = sharp.map(|f| {
+            let end = ray.at(from + step.clone());
+            code.bind("visible_after", Ty::F32, Expr::Call(f, vec![end]))
+        });
         if let Some(work) = state.work {
             code.add(work, 3u32);
         }
@@ -139,11 +150,24 @@ impl Tracer<'_> {
         let (x_first, light_first) = self.step(code, &first, &half, "_first");
         let (x_second, light_second) = self.step(code, &second, &half, "_second");
         let x = match (&x_first, &x_second) {
-            (Some(a), Some(b)) => Some(code.bind("x", Ty::float(dw), a.clone() + b.clone())),
+            (Some(a), Some(b)) => {
+                let halves = a.clone() + b.clone();
+                // A column alone is extrapolated (Richardson): the leading errors of both estimates cancel.
+                let sum = match (&self.walk, &x_whole) {
+                    (Walk::Shadow { .. }, Some(whole)) => {
+                        let better = halves.clone() + (halves - whole.clone()) * Expr::F32(1.0 / 3.0).splat(dw);
+                        better.max(Expr::F32(0.0).splat(dw))
+                    }
+                    (Walk::Eye | Walk::Shadow { .. } | Walk::Path(_) | Walk::Ratio(_), _) => halves,
+                };
+                Some(code.bind("x", Ty::float(dw), sum))
+            }
             _ => None,
         };
         let front = state.depth.map(|d| code.bind("front", Ty::float(dw), (-Expr::Local(d)).exp()));
         let mut wrong: Vec<Expr> = vec![];
+        // What is added to the error if the step is taken.
+        let mut pending: Vec<(LocalId, Expr)> = vec![];
         let mut light_gain = None;
         if let (Some(whole), Some(first), Some(second)) = (light_whole, light_first, light_second) {
             let behind = match &x_first {
@@ -162,31 +186,62 @@ impl Tracer<'_> {
             let allowed = accuracy.clone() * SHARE * share.max(least(gain, lw));
             wrong.push(off.clone() / allowed.max(1e-37));
             if let Some(error) = state.error {
-                code.set_later(error, off);
+                pending.push((error, off));
             }
         }
         if let (Some(x), Some(whole), Some(front)) = (&x, x_whole, &front) {
-            let off = code.bind("depth_off", Ty::float(dw), (x.clone() - whole.clone()).abs());
+            let off = (x.clone() - whole.clone()).abs();
+            let off = match self.walk {
+                // What is left after extrapolation is less than a quarter of the difference on anything smooth.
+                Walk::Shadow { .. } => off * Expr::F32(0.25).splat(dw),
+                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => off,
+            };
+            let off = code.bind("depth_off", Ty::float(dw), off);
             // Through the thinner of the two estimates, what lies behind is seen.
-            let seen = front.clone() * (-x.clone().min(whole)).exp() * off.clone().min(Expr::F32(1.0).splat(dw));
+            let through = front.clone() * (-x.clone().min(whole)).exp();
+            let seen = through.clone() * off.clone().min(Expr::F32(1.0).splat(dw));
             let seen = code.bind("seen_error", Ty::F32, largest(seen, dw));
             let allowed = accuracy.clone() * SHARE * (step.clone() / reach.clone());
+            let allowed = match &self.walk {
+                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => allowed,
+                // Half goes to the shadows, relative to the light that comes through, or to white.
+                Walk::Shadow { dim } => allowed * 0.5 * dim.clone().max(largest(through, dw)),
+            };
             wrong.push(seen.clone() / allowed.max(1e-37));
             if self.wants(OutputKind::OpticalDepth) {
                 let depth = state.depth.expect("there is depth to add");
                 let share = x.clone().max(Expr::Local(depth) * (step.clone() / reach.clone()).splat(dw));
-                let relative = off / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
+                let relative =
+                    off.clone() / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
                 wrong.push(largest(relative, dw));
             }
-            if let Some(error) = state.error {
+            if let (Some(error), Walk::Shadow { .. }) = (state.error, &self.walk) {
+                pending.push((error, largest(off, dw)));
+            } else if let Some(error) = state.error {
                 let behind = match state.radiance {
                     Some(radiance) => white.clone().max(largest(radiance.into(), lw)),
                     None => white.clone(),
                 };
-                code.set_later(error, seen * behind);
+                pending.push((error, seen * behind));
             }
         }
-        let pending = code.take_later();
+        if let (Some(error), Some(first), Some(second)) = (state.error, first.source_error, second.source_error) {
+            let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
+            pending.push((error, seen * (first + second) * half));
+        }
+        if let (Some(before), Some(after), Some(first), Some(second)) =
+            (before, &after, &first.visible, &second.visible)
+        {
+            // The edge of a shadow before the first sample or after the last is not felt by the difference of the two estimates:
+            // such a step must be short in itself.
+            let differs = |a: Expr, b: Expr| {
+                let known = a.clone().greater_equal(0.0).and(b.clone().greater_equal(0.0));
+                known.and(Expr::binary(BinaryOp::NotEqual, a, b))
+            };
+            let cut = differs(before.into(), first.clone()).or(differs(second.clone(), after.clone()));
+            let much = step.clone() / (length.clone() * (accuracy.clone() * (0.5 * SHARE))).max(1e-37);
+            wrong.push(cut.select(much.clone() * much, 0.0));
+        }
         let wrong = wrong.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         let wrong = code.bind("excess", Ty::F32, wrong);
         let spent = match state.work {
@@ -200,7 +255,6 @@ impl Tracer<'_> {
         let wanted = code.bind("wanted", Ty::F32, step.clone() * factor);
         let accept = wrong.less_equal(1.0).or(step.clone().less_equal(shortest.clone())).or(spent.clone());
         let accept = code.bind("accept", Ty::BOOL, accept);
-        let accept_again = accept.clone();
         code.open();
         if let (Some(radiance), Some(gain)) = (state.radiance, light_gain) {
             code.add(radiance, gain);
@@ -212,30 +266,29 @@ impl Tracer<'_> {
             code.add(error, amount);
         }
         code.add(s, step);
+        if let (Some(before), Some(after)) = (before, after) {
+            code.set(before, after);
+        }
         code.break_if(last);
         self.early_exit(code, state);
-        code.open();
-        // Out of work: the rest is taken in one step, whose error stands in the report.
-        code.set(h, length.clone());
-        let give_up = code.close();
-        code.push_if(spent.clone(), give_up);
         let taken = code.close();
-        code.push_if(accept, taken);
+        code.push_if(accept.clone(), taken);
         // A step cut short by a jump says nothing against the length it would have had.
         let wanted = match ahead {
             Some(jump) => {
-                let cut = accept_again.and(jump.less(h));
+                let cut = accept.and(jump.less(h));
                 cut.select(wanted.clone().max(h), wanted)
             }
             None => wanted,
         };
         let next = Expr::math(Math::Clamp, [wanted, shortest, longest]);
+        // Out of work: the rest is taken in one step, whose error stands in the report.
         code.set(h, spent.select(length.clone(), next));
         let block = code.close();
         code.push_loop(block);
     }
 
-    /// The planes on which some coefficient jumps, as functions of the distance along this ray.
+    /// The planes on which some coefficient jumps, and those nearest to a lamp, as functions of the distance along this ray.
     fn jumps(&mut self, code: &mut Code, ray: &Ray) -> Vec<Crossing> {
         let scene: &super::matter::Scene = self.scene;
         let mut known: Vec<crate::analysis::jumps::Jump> = vec![];
@@ -252,7 +305,17 @@ impl Tracer<'_> {
             let rate = code.bind(&format!("jump_rate_{i}"), Ty::F32, gradient.dot(ray.direction.clone()));
             Crossing { start, rate, every_whole: jump.every_whole }
         };
-        known.into_iter().enumerate().map(crossing).collect()
+        let mut all: Vec<Crossing> = known.into_iter().enumerate().map(crossing).collect();
+        if self.in_scattered.is_some() && matches!(self.walk, Walk::Eye) {
+            for light in &scene.lights {
+                let LightKind::Point { position, .. } = light.kind else { continue };
+                let at = self.builder.value(self.graph, position, &format!("{}_position", light.name));
+                let start = (ray.origin.clone() - at).dot(ray.direction.clone());
+                let start = code.bind(&format!("past_{}", light.name), Ty::F32, start);
+                all.push(Crossing { start, rate: Expr::F32(1.0), every_whole: false });
+            }
+        }
+        all
     }
 
     /// Leaves the loop when nothing behind can be seen any more, and adds what that may cost to the error.
@@ -261,7 +324,7 @@ impl Tracer<'_> {
         let thin = code.bind("thinnest", Ty::F32, least(depth.into(), self.scene.depth_width));
         match self.brightest() {
             // Every source function behind is at most this bright.
-            Some(bound) if state.error.is_some() => {
+            Some(bound) if state.error.is_some() && matches!(self.walk, Walk::Eye) => {
                 let accuracy = self.builder.frame(FrameValue::Accuracy);
                 let white = self.builder.frame(FrameValue::White);
                 let rest = code.bind("rest_bound", Ty::F32, (-thin.clone()).exp() * bound.max(1e-30));
@@ -274,7 +337,25 @@ impl Tracer<'_> {
                 code.push_if(dim.and(transparent), leave);
                 code.break_if(thin.greater(OPAQUE));
             }
-            _ => code.break_if(thin.greater(OPAQUE)),
+            // No bound is known: what lies behind is taken to be at most ten times as bright as what has been seen.
+            None if state.error.is_some() && matches!(self.walk, Walk::Eye) => {
+                let accuracy = self.builder.frame(FrameValue::Accuracy);
+                let white = self.builder.frame(FrameValue::White);
+                let seen = match state.radiance {
+                    Some(radiance) => largest(radiance.into(), self.scene.light_width),
+                    None => Expr::F32(0.0),
+                };
+                let through = code.bind("through", Ty::F32, (-thin.clone()).exp());
+                let rest = code.bind("rest_bound", Ty::F32, through.clone() * (seen.clone() * 10.0).max(white.clone()));
+                let dim = rest.clone().less(accuracy.clone() * 0.05 * white.max(seen));
+                code.open();
+                code.add(state.error.expect("checked above"), rest);
+                code.break_();
+                let leave = code.close();
+                code.push_if(dim.and(through.less(accuracy * 0.05)), leave);
+                code.break_if(thin.greater(OPAQUE));
+            }
+            Some(_) | None => code.break_if(thin.greater(OPAQUE)),
         }
     }
 

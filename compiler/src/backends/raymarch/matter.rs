@@ -2,11 +2,14 @@
 
 use super::project::{Data, data_of};
 use super::shapes::{Region, is_hosted, region};
+use super::sheets::{Sheet, sheets};
 use crate::analysis::closed::{ExponentialTerm, exponential_sum, ratio};
 use crate::analysis::jumps::{Jump, jumps};
 use crate::analysis::range::{Range, ranges};
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Binary, Composite, FieldScene, Graph, NodeId, Op, Primitive, Tier};
+use crate::ir::{
+    Binary, Composite, FieldScene, Graph, Light, LightKind, NodeId, Op, Primitive, Scattering, Tier, eval,
+};
 use crate::passes::{self, is_zero};
 use crate::program::Ledger;
 use crate::source::Span;
@@ -33,8 +36,14 @@ pub(super) struct Matter {
     pub(super) extinction: Option<NodeId>,
     /// k_e; `None` if it is 0.
     pub(super) emission: Option<NodeId>,
+    /// k_s where it sends light of some light towards the eye; `None` if there is no such light.
+    pub(super) scattering: Option<NodeId>,
+    /// Its phase function, by number in [`Scene::phases`].
+    pub(super) phase: usize,
     /// Whether some coefficient depends on the position.
     pub(super) varying: bool,
+    /// Whether a segment with it is stepped through, since its light has no closed form.
+    pub(super) steps: bool,
     /// The extinction's closed form along rays, if it has one.
     pub(super) closed: Option<Vec<ExponentialTerm>>,
     /// k_e/k_t, if that does not depend on the position.
@@ -49,9 +58,26 @@ pub(super) struct Matter {
     pub(super) data: Option<Data>,
 }
 
+/// A phase function that some media share.
+pub(super) struct Phase {
+    /// Name of the first medium that has it.
+    pub(super) name: String,
+    /// `None` is isotropic.
+    pub(super) node: Option<NodeId>,
+    /// At the params' defaults, averaged over the bands.
+    pub(super) mean_cosine: f64,
+}
+
 /// All that the kernel needs to know about the scene.
 pub(super) struct Scene {
     pub(super) matter: Vec<Matter>,
+    /// Of the media that scatter light towards the eye.
+    pub(super) phases: Vec<Phase>,
+    /// Lights that shine on media or surfaces.
+    pub(super) lights: Vec<Light>,
+    /// Whether the background shines on media and surfaces too.
+    pub(super) environment: bool,
+    pub(super) sheets: Vec<Sheet>,
     pub(super) primitives: Vec<Primitive>,
     pub(super) tiers: Vec<Tier>,
     pub(super) background: Option<NodeId>,
@@ -88,8 +114,13 @@ impl Scene {
         let media = scene.media.clone();
         let composite = scene.render.composite;
         let projecting = composite != Composite::Radiance;
+        let shining = !projecting && (!scene.lights.is_empty() || scene.environment);
+        let lit = shining && scene.render.scattering != Scattering::None;
+        let defaults = scene.defaults();
+        let sheets = if projecting { vec![] } else { sheets(scene, ledger) };
         let graph = &mut scene.graph;
         let mut primitives = vec![];
+        let mut phases: Vec<Phase> = vec![];
         let mut matter = vec![];
         for (index, medium) in media.iter().enumerate() {
             let k_t = add(graph, medium.k_a, medium.k_s);
@@ -126,17 +157,30 @@ impl Scene {
                 (Some(e), Some(t)) => Some(ratio(graph, push, e, t)),
                 _ => None,
             };
+            let scattering = (lit && !is_zero(graph, medium.k_s)).then_some(medium.k_s);
+            let phase = match scattering {
+                Some(_) => phase_of(graph, medium, &defaults, &mut phases, ledger),
+                None => 0,
+            };
             let roots: Vec<NodeId> = [extinction, emission].into_iter().flatten().collect();
             let jumps = if projecting { vec![] } else { jumps(graph, push, &roots) };
-            matter.push((index as u32, medium, (extinction, emission), closed, quotient, data, jumps));
+            matter.push((
+                index as u32,
+                medium,
+                (extinction, emission, scattering, phase),
+                closed,
+                quotient,
+                data,
+                jumps,
+            ));
         }
         let tiers = graph.tiers();
         let ranges = ranges(graph);
         let range = |n: NodeId| ranges[n.0 as usize];
         let varies = |n: Option<NodeId>| n.is_some_and(|n| tiers[n.0 as usize] == Tier::Sample);
-        let matter: Vec<Matter> = matter
+        let mut matter: Vec<Matter> = matter
             .into_iter()
-            .map(|(index, medium, (extinction, emission), closed, quotient, data, jumps)| {
+            .map(|(index, medium, (extinction, emission, scattering, phase), closed, quotient, data, jumps)| {
                 let varying = varies(extinction) || varies(emission);
                 let checks = [("k_a", medium.k_a), ("k_s", medium.k_s), ("k_e", medium.k_e)]
                     .into_iter()
@@ -153,10 +197,14 @@ impl Scene {
                     region: region(&medium.shape, &mut primitives),
                     extinction,
                     emission,
+                    scattering,
+                    phase,
                     varying,
+                    steps: false,
                     closed,
                     source: quotient.filter(|q| is_hosted(&tiers, *q)),
                     source_bound: match (emission, quotient) {
+                        _ if scattering.is_some() => None,
                         (None, _) => Some(0.0),
                         (Some(_), Some(q)) => bound(range(q)).filter(|b| *b < 1e30),
                         (Some(_), None) => None,
@@ -167,32 +215,54 @@ impl Scene {
                 }
             })
             .collect();
+        mark_steps(&mut matter, &tiers);
         let width = |n: Option<NodeId>| n.map_or(1, |n| graph.width(n));
         let depth_width = matter.iter().map(|m| width(m.extinction)).max().unwrap_or(1);
         let background = (!is_zero(graph, scene.background)).then_some(scene.background);
-        let glow = matter.iter().any(|m| m.emission.is_some());
-        let mut light_width = matter.iter().map(|m| width(m.emission)).max().unwrap_or(1).max(width(background));
-        if projecting {
+        let lights = if shining { scene.lights.clone() } else { vec![] };
+        let light_width = if projecting {
             let colors = matter.iter().filter_map(|m| m.data.as_ref()).map(|d| graph.width(d.color));
-            light_width = colors.max().unwrap_or(1).max(width(background));
-        } else if background.is_some() || glow {
-            light_width = light_width.max(depth_width);
-        }
+            colors.max().unwrap_or(1).max(width(background))
+        } else {
+            let strength = |l: &Light| match l.kind {
+                LightKind::Directional { irradiance, .. } => irradiance,
+                LightKind::Point { intensity, .. } => intensity,
+            };
+            let nodes = matter.iter().flat_map(|m| [m.emission, m.scattering]).flatten();
+            let nodes = nodes.chain(lights.iter().map(strength)).chain(sheets.iter().filter_map(|s| s.albedo));
+            let nodes = nodes.chain(phases.iter().filter_map(|p| p.node)).chain(background);
+            let nodes: Vec<NodeId> = nodes.collect();
+            let own = nodes.iter().map(|n| graph.width(*n)).max().unwrap_or(1);
+            if nodes.is_empty() { own } else { own.max(depth_width) }
+        };
         let depth_width = if projecting { 1 } else { depth_width };
-        let closed = !projecting && Self::all_closed(&matter);
-        Self { matter, primitives, tiers, background, depth_width, light_width, closed }
+        let closed = !projecting && matter.iter().all(|m| !m.steps);
+        let environment = shining && scene.environment && background.is_some();
+        Self {
+            matter,
+            phases,
+            lights,
+            environment,
+            sheets,
+            primitives,
+            tiers,
+            background,
+            depth_width,
+            light_width,
+            closed,
+        }
     }
 
     /// Uniform media add up; beyond them, extinction must be a sum of exponentials, and what shines must shine everywhere with
     /// one source function.
-    fn all_closed(matter: &[Matter]) -> bool {
+    fn all_closed(matter: &[&Matter]) -> bool {
         if matter.iter().all(|m| !m.varying) {
             return true;
         }
         if matter.iter().any(|m| m.closed.is_none()) {
             return false;
         }
-        let shining: Vec<&Matter> = matter.iter().filter(|m| m.emission.is_some()).collect();
+        let shining: Vec<&&Matter> = matter.iter().filter(|m| m.emission.is_some()).collect();
         match shining.first() {
             None => true,
             Some(first) => {
@@ -203,13 +273,56 @@ impl Scene {
         }
     }
 
-    /// Whether anything shines.
+    /// Whether anything sends light from within the media.
     pub(super) fn glows(&self) -> bool {
-        self.matter.iter().any(|m| m.emission.is_some())
+        self.matter.iter().any(|m| m.emission.is_some() || m.scattering.is_some())
+    }
+
+    /// Whether light of lights is gathered somewhere.
+    pub(super) fn is_lit(&self) -> bool {
+        !self.lights.is_empty() || self.environment
     }
 
     /// Whether anything attenuates.
     pub(super) fn attenuates(&self) -> bool {
         self.matter.iter().any(|m| m.extinction.is_some())
     }
+}
+
+/// Decides which media are stepped through: those that scatter light towards the eye, those without a closed form, and those
+/// whose light has none together with the others'.
+fn mark_steps(matter: &mut [Matter], tiers: &[Tier]) {
+    for m in matter.iter_mut() {
+        let varies = m.extinction.is_some_and(|n| tiers[n.0 as usize] == Tier::Sample);
+        m.steps = m.scattering.is_some() || (varies && m.closed.is_none());
+    }
+    let rest: Vec<&Matter> = matter.iter().filter(|m| !m.steps).collect();
+    if !Scene::all_closed(&rest) {
+        matter.iter_mut().filter(|m| m.varying).for_each(|m| m.steps = true);
+    }
+}
+
+/// The number of a medium's phase function among those of the scene.
+fn phase_of(
+    graph: &Graph,
+    medium: &crate::ir::Medium,
+    defaults: &[Vec<f64>],
+    phases: &mut Vec<Phase>,
+    ledger: &mut Ledger,
+) -> usize {
+    // A phase function that turned out to be a number is the same in every direction.
+    let node = medium.phase.filter(|n| graph.constant(*n).is_none());
+    if node.is_none() {
+        ledger.omit(format!("phase function of {}", medium.name), "it scatters alike in all directions", medium.span);
+    }
+    if let Some(known) = phases.iter().position(|p| p.node == node) {
+        return known;
+    }
+    let mean_cosine = node.map_or(0.0, |n| {
+        let facts = eval::phase_facts_at(graph, n, defaults, [0.0; 3]);
+        let mean = facts.moment.iter().sum::<f64>() / facts.integral.iter().sum::<f64>();
+        if mean.is_finite() { mean.clamp(-1.0, 1.0) } else { 0.0 }
+    });
+    phases.push(Phase { name: medium.name.clone(), node, mean_cosine });
+    phases.len() - 1
 }

@@ -1,17 +1,23 @@
 //! Raymarching: one ray per sample, front to back.
 
+mod cache;
+mod closed;
 mod edges;
+mod light;
 mod march;
 mod matter;
+mod paths;
 mod project;
 mod rays;
+mod sample;
 mod shapes;
+mod sheets;
 mod trace;
 
 use crate::Options;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::{Code, KernelBuilder};
-use crate::ir::{Aa, Composite, FieldScene};
+use crate::ir::{Aa, Composite, FieldScene, Scattering};
 use crate::program::kernel::{BinaryOp, Expr, Kernel, LocalId, Ty};
 use crate::program::{Extent, FrameValue, Ledger, Output, OutputKind, Pass, Plan, RaySource, StepRule};
 
@@ -42,7 +48,9 @@ pub(super) fn build(
     }
     let steps = options.steps.or(if options.accuracy.is_some() { None } else { scene.render.steps });
     let accuracy = options.accuracy.unwrap_or(scene.render.accuracy);
+    let many = multiple(scene, &seen);
     let rule = match steps {
+        _ if many => StepRule::Paths(scene.render.samples),
         _ if seen.closed => StepRule::Closed,
         Some(n) => StepRule::Fixed(n),
         None => StepRule::Adaptive(accuracy),
@@ -58,7 +66,7 @@ pub(super) fn build(
     wanted.dedup();
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = samples(aa, options.rays, ledger);
-    let edged = edged(aa, options.rays, &seen.primitives, ledger);
+    let edged = !many && edged(aa, options.rays, &seen.primitives, ledger);
     let mut builder = KernelBuilder::default();
     let tracer = trace::Tracer {
         graph: &scene.graph,
@@ -70,8 +78,17 @@ pub(super) fn build(
         wanted,
         max_work: scene.render.max_work,
         shells: scene.shells.clone(),
+        walk: trace::Walk::Eye,
+        nearest: None,
+        shadow: None,
+        in_scattered: None,
+        visible: None,
+        cache: None,
+        only: None,
+        random: None,
+        transmitted: None,
     };
-    let traced = tracer.write(ledger);
+    let mut traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
     let mut outputs = vec![];
     let mut stride = 0;
@@ -84,6 +101,11 @@ pub(super) fn build(
         stride += 1;
     }
     let (entry, workgroup, extent) = match options.rays {
+        RaySource::Camera if many => {
+            let entry = path_camera_entry(scene, &mut builder, &traced, stride, aa != Aa::None);
+            (entry, [8, 8, 1], Extent::Tile)
+        }
+        RaySource::List if many => (path_list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
         RaySource::Camera if edged => {
             let entry = edged_entry(scene, &mut builder, &seen.primitives, &traced, stride, edge_wanted);
             (entry, [8, 8, 1], Extent::Tile)
@@ -95,11 +117,17 @@ pub(super) fn build(
         RaySource::Camera => "draw",
         RaySource::List => "probe",
     };
-    let (kernel, bindings, uniforms) = builder.finish(name, workgroup, entry);
+    let mut entries = vec![(name, workgroup, entry)];
+    let fill = traced.fill.take().map(|(fill, entry)| {
+        entries.push(("fill", [64, 1, 1], entry));
+        fill
+    });
+    let (kernels, bindings, uniforms) = builder.finish(entries);
     let work_per_ray = match rule {
         StepRule::Closed => 1,
         StepRule::Fixed(n) => n,
         StepRule::Adaptive(_) => 512,
+        StepRule::Paths(_) => 256,
     };
     let plan = Plan {
         backend: "raymarch",
@@ -110,10 +138,21 @@ pub(super) fn build(
         uniforms,
         passes: vec![Pass { kernel: 0, extent }],
         steps: rule,
+        fill,
         samples,
         work_per_ray: work_per_ray * samples,
     };
-    Some((vec![kernel], plan))
+    Some((kernels, plan))
+}
+
+/// Whether light is followed over more than one scattering: only where there is something to scatter it and light to scatter.
+fn multiple(scene: &FieldScene, seen: &matter::Scene) -> bool {
+    let light = seen.is_lit() || seen.glows();
+    let scatters = !seen.sheets.is_empty() || scene.media.iter().any(|m| !crate::passes::is_zero(&scene.graph, m.k_s));
+    scene.render.scattering == Scattering::Multiple
+        && scene.render.composite == Composite::Radiance
+        && light
+        && scatters
 }
 
 /// A ray that never leaves a medium needs a closed form to infinity.
@@ -124,7 +163,10 @@ fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnosti
             None => d,
         };
         let hint = "give it a shape, for example `shape = sphere(center: (0,0,0) m, radius: 10 m)`";
-        if m.varying && !seen.closed && !bounded_sdf(&m.region, &seen.primitives) {
+        let open = m.varying
+            && (m.closed.is_none()
+                || (m.emission.is_some() && m.steps && m.source_bound.is_none() && m.scattering.is_none()));
+        if open && !bounded_sdf(&m.region, &seen.primitives) {
             diagnostics.push(
                 at(Diagnostic::error(
                     "E0520",
@@ -353,6 +395,76 @@ fn list_entry(builder: &mut KernelBuilder, traced: &trace::Traced, stride: u32) 
     let result = builder.result_of(traced.function);
     let traced_ray = code.bind("traced", result, rays::call(traced.function, &start));
     let values: Vec<Expr> = (0..traced.fields.len() as u32).map(|i| traced_ray.clone().field(i)).collect();
+    store(builder, &mut code, &widths(traced), &values, &index, stride);
+    code.finish(None)
+}
+
+/// The mean of this dispatch's paths from one ray each; `ray` gives the ray, from random numbers of its own.
+fn path_loop(
+    builder: &mut KernelBuilder,
+    code: &mut Code,
+    traced: &trace::Traced,
+    number: Expr,
+    ray: &mut dyn FnMut(&mut KernelBuilder, &mut Code, LocalId) -> rays::Start,
+) -> Vec<Expr> {
+    let random = traced.random.expect("paths have random numbers");
+    let result = builder.result_of(traced.function);
+    let sums = Sums::new(code, traced);
+    let count = builder.frame(FrameValue::Paths);
+    let first = builder.frame(FrameValue::FirstPath);
+    let seed = builder.frame(FrameValue::Seed);
+    let share = code.bind("share", Ty::F32, Expr::F32(1.0) / count.clone().convert(crate::program::kernel::Prim::F32));
+    let index = code.var("path_number", Ty::U32, 0u32);
+    code.open();
+    code.break_if(Expr::Local(index).greater_equal(count));
+    let own = random.mixed(number + random.mixed(first + Expr::Local(index) + random.mixed(seed)));
+    let rng = code.var("rng", Ty::U32, own);
+    let start = ray(builder, code, rng);
+    let arguments = vec![start.origin, start.direction, start.from, rng.into()];
+    let path = code.bind("followed", result, Expr::Call(traced.function, arguments));
+    sums.add(code, traced, &path, &share);
+    code.add(index, 1u32);
+    let block = code.close();
+    code.push_loop(block);
+    sums.values()
+}
+
+fn path_camera_entry(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    traced: &trace::Traced,
+    stride: u32,
+    spread: bool,
+) -> crate::program::kernel::Function {
+    let mut code = Code::new("draw", None);
+    let Pixel { x, y, record } = pixel(builder, &mut code);
+    let camera = rays::Camera::new(builder, scene.camera.projection);
+    let size = builder.frame(FrameValue::ImageSize);
+    let prim = crate::program::kernel::Prim::U32;
+    let number = y.clone().convert(prim) * size.component(0) + x.clone().convert(prim);
+    let number = code.bind("pixel_number", Ty::U32, number);
+    let values = path_loop(builder, &mut code, traced, number, &mut |_, code, rng| {
+        let random = traced.random.expect("paths have random numbers");
+        // Anti-aliased: paths spread over the pixel.
+        let mut offset = || if spread { random.draw(code, rng) } else { Expr::F32(0.5) };
+        let (dx, dy) = (offset(), offset());
+        camera.ray(code, "ray", x.clone() + dx, y.clone() + dy)
+    });
+    store(builder, &mut code, &widths(traced), &values, &record, stride);
+    code.finish(None)
+}
+
+fn path_list_entry(
+    builder: &mut KernelBuilder,
+    traced: &trace::Traced,
+    stride: u32,
+) -> crate::program::kernel::Function {
+    let mut code = Code::new("probe", None);
+    let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
+    let count = builder.frame(FrameValue::RayCount);
+    code.if_(index.clone().greater_equal(count), Code::return_nothing);
+    let values =
+        path_loop(builder, &mut code, traced, index.clone(), &mut |builder, code, _| rays::list(builder, code, &index));
     store(builder, &mut code, &widths(traced), &values, &index, stride);
     code.finish(None)
 }

@@ -63,9 +63,7 @@ impl Tracer<'_> {
                 let name = format!("{}_data", matter.name);
                 let roots = [("value", value)];
                 let function = field_function(self.graph, &scene.tiers, self.builder, &name, matter.span, &roots);
-                let mut writer = Writer::new(self.graph, &scene.tiers);
-                writer.know_input(Input::Direction, ray.direction.clone());
-                let hoisted = writer.write(self.builder, code, &function.hoisted);
+                let hoisted = self.from_ray(code, &-ray.direction.clone(), &function.hoisted);
                 medium.function = Some((function, hoisted));
             }
             out.push(medium);
@@ -107,7 +105,7 @@ impl Tracer<'_> {
         let length = code.bind("length", Ty::F32, b - a.clone());
         let count = match self.rule {
             StepRule::Fixed(_) => self.builder.frame(FrameValue::Steps).convert(crate::program::kernel::Prim::F32),
-            StepRule::Closed | StepRule::Adaptive(_) => {
+            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
                 let cell = self.data_cell();
                 let cap = self.builder.frame(FrameValue::MaxWork).convert(crate::program::kernel::Prim::F32);
                 // A surface that a ray only grazes is missed between samples on the same side of it.
@@ -304,8 +302,10 @@ impl Tracer<'_> {
     fn color(&mut self, code: &mut Code, ray: &super::shapes::Ray, data: &Data, value: Expr) -> Expr {
         let mut writer = Writer::new(self.graph, &self.scene.tiers);
         // The engine supplies the value in place of the cosine; see `Medium::data_color`.
+        writer.know_input(Input::Versine, Expr::F32(1.0) - value.clone());
+        writer.know_input(Input::Vercosine, Expr::F32(1.0) + value.clone());
         writer.know_input(Input::CosTheta, value);
-        writer.know_input(Input::Direction, ray.direction.clone());
+        writer.know_input(Input::Direction, -ray.direction.clone());
         let color = writer.write(self.builder, code, &[data.color]).remove(0);
         let from = self.graph.width(data.color);
         if from == self.scene.light_width { color } else { color.splat(self.scene.light_width) }
@@ -325,7 +325,7 @@ impl Tracer<'_> {
         let name = format!("{}_normal", matter.name);
         let function = field_function(self.graph, tiers, self.builder, &name, matter.span, &[("gradient", gradient)]);
         let mut writer = Writer::new(self.graph, tiers);
-        writer.know_input(Input::Direction, ray.direction.clone());
+        writer.know_input(Input::Direction, -ray.direction.clone());
         let mut arguments = vec![ray.at(projected.best.into())];
         arguments.extend(writer.write(self.builder, code, &function.hoisted));
         let n = code.bind("normal", Ty::VEC3, Expr::Call(function.id, arguments));

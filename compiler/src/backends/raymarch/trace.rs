@@ -1,45 +1,53 @@
-//! The function `trace(origin, direction, start)`: one ray through all media.
+//! The function `trace(origin, direction, start)`: one ray through all media, up to the first surface.
 //!
 //! The ray is cut at every boundary of a shape into segments in which the set of media is constant. A segment in which all
-//! coefficients have closed forms costs no step; in others the midpoint rule with the exact exponential inside a step
+//! light has closed forms costs no step; in others the midpoint rule with the exact exponential inside a step
 //! (Hillaire 2015) is applied once over a step and again over its halves: the halves are the result, the difference steers
-//! the step and is the reported error.
+//! the step and is the reported error. The function `shadow` is the same walk towards a light, for the optical depth alone.
 //!
 //! Optical depths are summed and never multiplied up as transmittances, so that nothing underflows early.
 
+use super::light::{InScattered, Shadow};
 use super::march::OPAQUE;
 use super::matter::{Matter, Scene};
 use super::project::Projected;
-use super::shapes::{FAR, Ray, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
+use super::shapes::{FAR, Ray, Region, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
+use super::sheets::Nearest;
 use crate::analysis::feature::lipschitz;
-use crate::fields::{Code, FieldFunction, Helper, KernelBuilder, Writer, field_function};
+use crate::fields::{Code, FieldFunction, KernelBuilder, Writer, field_function};
 use crate::ir::{Composite, Graph, Input, NodeId, PrimitiveKind, Tier};
-use crate::program::kernel::{BinaryOp, Expr, FunctionId, LocalId, Math, Prim, Ty};
-use crate::program::{Fault, Ledger, OutputKind, StepRule};
+use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
+use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
 
 /// What a traced ray returns, and where in the struct.
 pub(super) struct Traced {
     pub(super) function: FunctionId,
     pub(super) fields: Vec<(OutputKind, u8)>,
+    /// For paths.
+    pub(super) random: Option<super::paths::Random>,
+    /// What fills the cache, and its entry point.
+    pub(super) fill: Option<(crate::program::FillPass, crate::program::kernel::Function)>,
 }
 
 /// The values of a medium's coefficients where they do not depend on the position.
 #[derive(Clone, Default)]
 pub(super) struct Constant {
-    extinction: Option<Expr>,
-    emission: Option<Expr>,
+    pub(super) extinction: Option<Expr>,
+    pub(super) emission: Option<Expr>,
+    pub(super) scattering: Option<Expr>,
 }
 
 /// One medium while the function is written.
 pub(super) struct Medium<'a> {
-    matter: &'a Matter,
-    constant: Constant,
+    pub(super) matter: &'a Matter,
+    pub(super) constant: Constant,
     /// Its function of the position, with the values it takes from the ray.
     pub(super) function: Option<(FieldFunction, Vec<Expr>)>,
     /// Position of each varying field in the function's result.
-    extinction_at: Option<usize>,
-    emission_at: Option<usize>,
-    checks_at: Vec<(usize, u32, u32)>,
+    pub(super) extinction_at: Option<usize>,
+    pub(super) emission_at: Option<usize>,
+    pub(super) scattering_at: Option<usize>,
+    pub(super) checks_at: Vec<(usize, u32, u32)>,
     /// Whether it is here; `None` is always.
     pub(super) here: Option<Expr>,
 }
@@ -47,8 +55,16 @@ pub(super) struct Medium<'a> {
 impl<'a> Medium<'a> {
     /// Without any coefficient.
     pub(super) fn plain(matter: &'a Matter) -> Self {
-        let constant = Constant::default();
-        Self { matter, constant, function: None, extinction_at: None, emission_at: None, checks_at: vec![], here: None }
+        Self {
+            matter,
+            constant: Constant::default(),
+            function: None,
+            extinction_at: None,
+            emission_at: None,
+            scattering_at: None,
+            checks_at: vec![],
+            here: None,
+        }
     }
 }
 
@@ -61,6 +77,26 @@ pub(super) struct Segment {
     pub(super) reach: Option<Expr>,
 }
 
+/// The part of a ray that counts.
+pub(super) struct Stretch {
+    pub(super) start: Expr,
+    /// `None` is infinity.
+    pub(super) end: Option<Expr>,
+}
+
+/// What a walk along a ray is for.
+#[derive(Clone)]
+pub(super) enum Walk {
+    /// Everything that the eye sees.
+    Eye,
+    /// The optical depth towards a light, to within this share of the transmittance or of `accuracy`.
+    Shadow { dim: Expr },
+    /// A flight of a path, to its next collision.
+    Path(super::paths::Flight),
+    /// An unbiased estimate of the transmittance towards a light.
+    Ratio(super::paths::Ratio),
+}
+
 pub(super) struct Tracer<'a> {
     pub(super) graph: &'a Graph,
     pub(super) scene: &'a Scene,
@@ -71,6 +107,20 @@ pub(super) struct Tracer<'a> {
     pub(super) wanted: Vec<OutputKind>,
     pub(super) max_work: u32,
     pub(super) shells: Vec<(NodeId, NodeId)>,
+    pub(super) walk: Walk,
+    pub(super) nearest: Option<Nearest>,
+    pub(super) shadow: Option<Shadow>,
+    pub(super) in_scattered: Option<InScattered>,
+    /// Which lights are seen from a point, where surfaces cast shadows.
+    pub(super) visible: Option<FunctionId>,
+    /// Columns of light that are kept.
+    pub(super) cache: Option<super::cache::Cache>,
+    /// Which media a shadow is of; `None` is all.
+    pub(super) only: Option<fn(&Self, &Matter) -> bool>,
+    /// Of paths.
+    pub(super) random: Option<super::paths::Random>,
+    /// `transmitted` of paths.
+    pub(super) transmitted: Option<FunctionId>,
 }
 
 /// Variables of the function.
@@ -79,15 +129,9 @@ pub(super) struct State {
     pub(super) radiance: Option<LocalId>,
     pub(super) error: Option<LocalId>,
     pub(super) work: Option<LocalId>,
-    fault: Option<LocalId>,
-    fault_at: Option<LocalId>,
+    pub(super) fault: Option<LocalId>,
+    pub(super) fault_at: Option<LocalId>,
     pub(super) projected: Option<Projected>,
-}
-
-/// A sample of all media at a point.
-pub(super) struct Sampled {
-    pub(super) extinction: Option<Expr>,
-    pub(super) emission: Option<Expr>,
 }
 
 pub(super) fn largest(value: Expr, width: u8) -> Expr {
@@ -98,7 +142,7 @@ pub(super) fn least(value: Expr, width: u8) -> Expr {
     (1..width).fold(value.clone().component_if(width, 0), |m, i| m.min(value.clone().component(i)))
 }
 
-trait ComponentIf {
+pub(super) trait ComponentIf {
     fn component_if(self, width: u8, i: u8) -> Expr;
 }
 
@@ -117,50 +161,168 @@ impl Tracer<'_> {
         self.wanted.contains(&kind)
     }
 
+    /// Nodes of tier Ray on a ray along which light travels in this direction.
+    pub(super) fn from_ray(&mut self, code: &mut Code, direction: &Expr, nodes: &[NodeId]) -> Vec<Expr> {
+        let mut writer = Writer::new(self.graph, &self.scene.tiers);
+        writer.know_input(Input::Direction, direction.clone());
+        writer.write(self.builder, code, nodes)
+    }
+
     /// Writes the function.
     pub(super) fn write(mut self, ledger: &mut Ledger) -> Traced {
-        let scene = self.scene;
+        let sdfs = self.sdfs();
+        self.nearest = self.write_nearest();
+        let mut fill = None;
+        if self.scene.is_lit() && self.caches() {
+            if let Some((cache, entry)) = self.write_cache(&sdfs) {
+                ledger.omit("steps towards lights at every sample", "columns of light are kept on a lattice", None);
+                fill = Some((cache.fill, entry));
+                self.cache = Some(cache);
+            }
+        } else if self.scene.is_lit() {
+            self.shadow = self.write_shadow(&sdfs);
+        }
+        self.in_scattered = self.write_in_scattered(ledger);
+        self.visible = self.write_visible();
+        let reflected = self.write_reflected();
         let mut code = Code::new("trace", None);
         let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
         let start = code.parameter("start", Ty::F32);
         let state = self.declare(&mut code, ledger);
-        let sdfs = self.sdfs();
+        let hit = self.nearest.map(|nearest| {
+            let arguments = vec![ray.origin.clone(), ray.direction.clone(), start.clone(), Expr::F32(FAR)];
+            code.bind("hit", nearest.result, Expr::Call(nearest.function, arguments))
+        });
+        let end = hit.clone().map(|h| h.field(0));
+        self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start, end }, Some(ledger));
+        let traced = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
+        Traced { fill, ..traced }
+    }
+
+    /// Writes `shadow`, if something attenuates.
+    pub(super) fn write_shadow(&mut self, sdfs: &[Option<SdfFunctions>]) -> Option<Shadow> {
+        self.write_shadow_of(sdfs, "shadow", |_, _| true)
+    }
+
+    /// Writes the same for some media.
+    pub(super) fn write_shadow_of(
+        &mut self,
+        sdfs: &[Option<SdfFunctions>],
+        name: &str,
+        only: fn(&Self, &Matter) -> bool,
+    ) -> Option<Shadow> {
+        let scene = self.scene;
+        if !scene.matter.iter().any(|m| m.extinction.is_some() && only(self, m)) {
+            return None;
+        }
+        self.only = Some(only);
+        let shadow = self.write_shadow_function(sdfs, name);
+        self.only = None;
+        shadow
+    }
+
+    fn write_shadow_function(&mut self, sdfs: &[Option<SdfFunctions>], name: &str) -> Option<Shadow> {
+        let scene = self.scene;
+        let dw = scene.depth_width;
+        let mut code = Code::new(name, None);
+        let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
+        let limit = code.parameter("limit", Ty::F32);
+        let stepped = scene.matter.iter().any(|m| self.open_depth(m) && self.only.is_none_or(|only| only(self, m)));
+        let dim = if stepped { code.parameter("dim", Ty::F32) } else { Expr::F32(0.0) };
+        let error = stepped && self.wants(OutputKind::Error);
+        let work = stepped && !matches!(self.rule, StepRule::Closed);
+        let state = State {
+            depth: Some(code.var("depth", Ty::float(dw), Expr::F32(0.0).splat(dw))),
+            radiance: None,
+            error: error.then(|| code.var("error", Ty::F32, 0.0)),
+            work: work.then(|| code.var("work", Ty::U32, 0u32)),
+            fault: None,
+            fault_at: None,
+            projected: None,
+        };
+        let (walk, wanted) =
+            (std::mem::replace(&mut self.walk, Walk::Shadow { dim }), std::mem::take(&mut self.wanted));
+        self.follow(&mut code, &ray, &state, sdfs, &Stretch { start: Expr::F32(0.0), end: Some(limit) }, None);
+        (self.walk, self.wanted) = (walk, wanted);
+        let depth = Expr::Local(state.depth?);
+        let extra = [state.error.map(|e| ("error", Expr::Local(e))), state.work.map(|w| ("work", Expr::Local(w)))];
+        if extra.iter().all(Option::is_none) {
+            let result = Ty::float(dw);
+            code.return_(depth);
+            let function = self.builder.add_function(code.finish(Some(result)));
+            return Some(Shadow { function, result, error: None, work: None, stepped });
+        }
+        let mut fields = vec![("depth".to_owned(), Ty::float(dw))];
+        let mut values = vec![depth];
+        let mut places = [None, None];
+        for (place, extra) in places.iter_mut().zip(extra) {
+            if let Some((name, value)) = extra {
+                *place = Some(fields.len() as u32);
+                fields.push((name.to_owned(), Ty::F32));
+                values.push(if name == "work" { value.convert(Prim::F32) } else { value });
+            }
+        }
+        let result = self.builder.add_struct("Shadow", fields);
+        code.return_(Expr::Compose(result, values));
+        let function = self.builder.add_function(code.finish(Some(result)));
+        Some(Shadow { function, result, error: places[0], work: places[1], stepped })
+    }
+
+    /// Follows the ray through all media.
+    pub(super) fn follow(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        state: &State,
+        sdfs: &[Option<SdfFunctions>],
+        stretch: &Stretch,
+        mut ledger: Option<&mut Ledger>,
+    ) {
+        let scene = self.scene;
         let names = self.primitive_names();
         let mut spans: Vec<Option<Expr>> = vec![];
         for (primitive, name) in scene.primitives.iter().zip(&names) {
-            let span = primitive_span(self.graph, self.builder, &mut self.spans, &mut code, &ray, primitive, name);
+            let span = primitive_span(self.graph, self.builder, &mut self.spans, code, ray, primitive, name);
             spans.push(span);
         }
         let mut media = match self.composite {
-            Composite::Radiance => self.media(&mut code, &ray),
+            Composite::Radiance => self.media(code, ray),
             Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_) => {
-                self.data_media(&mut code, &ray)
+                self.data_media(code, ray)
             }
         };
         let simple = match scene.matter.as_slice() {
-            [only] => matches!(only.region, super::shapes::Region::Leaf(i) if spans[i].is_some()),
+            [only] => matches!(only.region, Region::Leaf(i) if spans[i].is_some()),
             _ => false,
         };
+        let Stretch { start, end } = stretch;
         if simple {
             let span = spans.iter().flatten().next().cloned().expect("a simple scene has one span");
-            let a = code.bind("enter", Ty::F32, span.clone().component(0).max(start));
-            let b = code.bind("leave", Ty::F32, span.component(1));
+            let a = code.bind("enter", Ty::F32, span.clone().component(0).max(start.clone()));
+            let b = span.component(1);
+            let b = match end {
+                Some(end) => b.min(end.clone()),
+                None => b,
+            };
+            let b = code.bind("leave", Ty::F32, b);
             code.open();
             let reach = Some(b.clone() - a.clone());
-            self.segment(&mut code, &state, &media, &Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach });
+            self.segment(code, state, &media, &Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach });
             let body = code.close();
             code.push_if(b.greater(a), body);
-            ledger.omit("loop over segments", "one convex medium cuts a ray at most twice", scene.matter[0].span);
+            if let Some(ledger) = &mut ledger {
+                ledger.omit("loop over segments", "one convex medium cuts a ray at most twice", scene.matter[0].span);
+            }
         } else if scene.primitives.is_empty() {
-            let segment = Segment { ray: ray.clone(), a: start, b: Expr::F32(FAR), reach: None };
-            self.segment(&mut code, &state, &media, &segment);
-            if !scene.matter.is_empty() {
+            let b = end.clone().unwrap_or(Expr::F32(FAR));
+            let segment = Segment { ray: ray.clone(), a: start.clone(), b, reach: None };
+            self.segment(code, state, &media, &segment);
+            if let (false, Some(ledger)) = (scene.matter.is_empty(), &mut ledger) {
                 ledger.omit("loop over segments", "no shape cuts the rays", None);
             }
         } else {
-            self.segments(&mut code, &ray, &state, &mut media, &spans, &sdfs, start);
+            self.segments(code, ray, state, &mut media, (&spans, sdfs), stretch);
         }
-        self.finish(code, &ray, &state)
     }
 
     fn declare(&mut self, code: &mut Code, ledger: &mut Ledger) -> State {
@@ -176,14 +338,15 @@ impl Tracer<'_> {
         if radiance.is_none() && through {
             ledger.omit("emission along the ray", "nothing shines", None);
         }
-        let steps = !matches!(self.rule, StepRule::Closed);
+        let steps = !matches!(self.rule, StepRule::Closed) || self.scene.is_lit();
         let error = (steps && self.wants(OutputKind::Error)).then(|| code.var("error", Ty::F32, 0.0));
         let adaptive = matches!(self.rule, StepRule::Adaptive(_));
         let work =
             (steps && (adaptive || self.wants(OutputKind::Evaluations))).then(|| code.var("work", Ty::U32, 0u32));
         let checked = through && scene.matter.iter().any(|m| !m.checks.is_empty()) && self.wants(OutputKind::Fault);
-        let fault = checked.then(|| code.var("fault", Ty::U32, 0u32));
-        let fault_at = checked.then(|| code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3)));
+        let loops = self.has_loops();
+        let fault = (checked || loops).then(|| code.var("fault", Ty::U32, 0u32));
+        let fault_at = (checked || loops).then(|| code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3)));
         if !checked && through && !scene.matter.is_empty() {
             ledger.omit(
                 "check of coefficients",
@@ -193,6 +356,23 @@ impl Tracer<'_> {
         }
         let projected = (self.composite != Composite::Radiance).then(|| self.declare_projection(code));
         State { depth, radiance, error, work, fault, fault_at, projected }
+    }
+
+    /// Whether a ray can take many rounds of loops.
+    fn has_loops(&self) -> bool {
+        self.wants(OutputKind::Fault) && (!matches!(self.rule, StepRule::Closed) || self.scene.is_lit())
+    }
+
+    /// Whether the driver has ended loops by now: then a loop of two rounds ends after one.
+    pub(super) fn cut_short(&mut self, code: &mut Code) -> Expr {
+        let rounds = self.builder.frame(FrameValue::Rounds);
+        let done = code.var("rounds_done", Ty::U32, 0u32);
+        code.open();
+        code.add(done, 1u32);
+        code.break_if(Expr::Local(done).greater_equal(rounds.clone()));
+        let block = code.close();
+        code.push_loop(block);
+        Expr::Local(done).less(rounds)
     }
 
     fn primitive_names(&self) -> Vec<String> {
@@ -218,14 +398,14 @@ impl Tracer<'_> {
         names
     }
 
-    fn sdfs(&mut self) -> Vec<Option<SdfFunctions>> {
-        let steepness = lipschitz(self.graph);
+    pub(super) fn sdfs(&mut self) -> Vec<Option<SdfFunctions>> {
         let scene = self.scene;
+        let mut steepness = None;
         let mut out = vec![];
         for (i, primitive) in scene.primitives.iter().enumerate() {
             out.push(match primitive.kind {
                 PrimitiveKind::Sdf { field } => {
-                    let slope = steepness[field.0 as usize].max(1.0);
+                    let slope = steepness.get_or_insert_with(|| lipschitz(self.graph))[field.0 as usize].max(1.0);
                     let name = format!("sdf_{i}");
                     let cap = self.max_work.min(4096);
                     Some(sdf_functions(self.graph, &scene.tiers, self.builder, &name, field, slope, cap))
@@ -241,6 +421,21 @@ impl Tracer<'_> {
         out
     }
 
+    /// Whether a medium's optical depth has no closed form along rays.
+    pub(super) fn open_depth(&self, matter: &Matter) -> bool {
+        let varies = matter.extinction.is_some_and(|n| self.scene.tiers[n.0 as usize] == Tier::Sample);
+        varies && matter.closed.is_none()
+    }
+
+    /// Whether a segment with this medium is stepped through.
+    fn steps(&self, matter: &Matter) -> bool {
+        match self.walk {
+            Walk::Eye => matter.steps,
+            Walk::Shadow { .. } | Walk::Ratio(_) => self.open_depth(matter),
+            Walk::Path(_) => true,
+        }
+    }
+
     /// Writes the functions of varying media and evaluates the constant coefficients.
     fn media<'s>(&mut self, code: &mut Code, ray: &Ray) -> Vec<Medium<'s>>
     where
@@ -248,10 +443,19 @@ impl Tracer<'_> {
     {
         let scene: &Scene = self.scene;
         let tiers = &scene.tiers;
+        let eye = matches!(self.walk, Walk::Eye | Walk::Path(_));
+        // Light travels against the ray of the eye, and along no other than that from its source.
+        let travel = -ray.direction.clone();
         let varies = |n: Option<NodeId>| n.filter(|n| tiers[n.0 as usize] == Tier::Sample);
+        let stepping = scene.matter.iter().any(|m| self.steps(m));
         let mut out = vec![];
+        let only = self.only;
         for matter in &scene.matter {
-            let (extinction, emission) = (varies(matter.extinction), varies(matter.emission));
+            if !eye && (matter.extinction.is_none() || only.is_some_and(|only| !only(self, matter))) {
+                continue;
+            }
+            let wanted = [matter.extinction, matter.emission.filter(|_| eye), matter.scattering.filter(|_| eye)];
+            let [extinction, emission, scattering] = wanted.map(varies);
             let checks = if self.wants(OutputKind::Fault) { matter.checks.as_slice() } else { &[] };
             let mut roots: Vec<(&str, NodeId)> = vec![];
             let mut place = |name: &'static str, node: NodeId| {
@@ -261,9 +465,12 @@ impl Tracer<'_> {
                 })
             };
             // Where steps are taken, everything that varies is sampled; where all is closed, nothing is.
-            let sampled = !scene.closed && matter.varying;
+            let sampled = (stepping || matches!(self.walk, Walk::Path(_)))
+                && (eye || self.open_depth(matter) || matches!(self.walk, Walk::Shadow { .. }))
+                && wanted.iter().any(|n| varies(*n).is_some());
             let extinction_at = extinction.filter(|_| sampled).map(|n| place("k_t", n));
             let emission_at = emission.filter(|_| sampled).map(|n| place("k_e", n));
+            let scattering_at = scattering.filter(|_| sampled).map(|n| place("k_s", n));
             let checks_at: Vec<(usize, u32, u32)> = checks
                 .iter()
                 .filter(|_| sampled)
@@ -273,11 +480,9 @@ impl Tracer<'_> {
                 })
                 .collect();
             let function = sampled.then(|| {
-                let name = format!("{}_at", matter.name);
+                let name = if eye { format!("{}_at", matter.name) } else { format!("{}_k_t", matter.name) };
                 let function = field_function(self.graph, tiers, self.builder, &name, matter.span, &roots);
-                let mut writer = Writer::new(self.graph, tiers);
-                writer.know_input(Input::Direction, ray.direction.clone());
-                let hoisted = writer.write(self.builder, code, &function.hoisted);
+                let hoisted = self.from_ray(code, &travel, &function.hoisted);
                 (function, hoisted)
             });
             let mut constant = |node: Option<NodeId>, varying: Option<NodeId>, name: &str| {
@@ -288,17 +493,25 @@ impl Tracer<'_> {
                     if tiers[n.0 as usize] <= Tier::Frame {
                         return self.builder.value(self.graph, n, &format!("{}_{name}", matter.name));
                     }
-                    let mut writer = Writer::new(self.graph, tiers);
-                    writer.know_input(Input::Direction, ray.direction.clone());
-                    let value = writer.write(self.builder, code, &[n]).remove(0);
+                    let value = self.from_ray(code, &travel, &[n]).remove(0);
                     code.bind(&format!("{}_{name}", matter.name), Ty::float(self.graph.width(n)), value)
                 })
             };
             let constant = Constant {
-                extinction: constant(matter.extinction, extinction, "k_t"),
-                emission: constant(matter.emission, emission, "k_e"),
+                extinction: constant(wanted[0], extinction, "k_t"),
+                emission: constant(wanted[1], emission, "k_e"),
+                scattering: constant(wanted[2], scattering, "k_s"),
             };
-            out.push(Medium { matter, constant, function, extinction_at, emission_at, checks_at, here: None });
+            out.push(Medium {
+                matter,
+                constant,
+                function,
+                extinction_at,
+                emission_at,
+                scattering_at,
+                checks_at,
+                here: None,
+            });
         }
         out
     }
@@ -310,32 +523,37 @@ impl Tracer<'_> {
         ray: &Ray,
         state: &State,
         media: &mut [Medium<'_>],
-        spans: &[Option<Expr>],
-        sdfs: &[Option<SdfFunctions>],
-        start: Expr,
+        (spans, sdfs): (&[Option<Expr>], &[Option<SdfFunctions>]),
+        stretch: &Stretch,
     ) {
+        let start = stretch.start.clone();
+        let end = stretch.end.clone().unwrap_or(Expr::F32(FAR));
         let t = code.var("t", Ty::F32, start.clone());
         // What the sdfs take from the ray.
-        let sdf_arguments: Vec<Vec<Expr>> = sdfs
-            .iter()
-            .map(|sdf| {
-                sdf.as_ref().map_or(vec![], |sdf| {
-                    let mut writer = Writer::new(self.graph, &self.scene.tiers);
-                    writer.know_input(Input::Direction, ray.direction.clone());
-                    writer.write(self.builder, code, &sdf.field.hoisted)
-                })
-            })
-            .collect();
+        let travel = -ray.direction.clone();
+        let mut sdf_arguments: Vec<Vec<Expr>> = vec![];
+        for sdf in sdfs {
+            sdf_arguments.push(match sdf {
+                Some(sdf) => self.from_ray(code, &travel, &sdf.field.hoisted),
+                None => vec![],
+            });
+        }
         // Errors and fixed steps are shared out in proportion to length, where the length is known beforehand.
         let all_known = spans.iter().all(Option::is_some);
-        let reach = (all_known && !matches!(self.rule, StepRule::Closed)).then(|| {
+        let endless =
+            media.iter().any(|m| self.steps(m.matter) && m.matter.region.is_unbounded(&self.scene.primitives));
+        let reach = (all_known && !endless && !matches!(self.rule, StepRule::Closed)).then(|| {
             let ends = spans.iter().flatten();
             let first = ends.clone().map(|s| s.clone().component(0)).reduce(Expr::min).expect("there is a shape");
             let last = ends.map(|s| s.clone().component(1)).reduce(Expr::max).expect("there is a shape");
-            code.bind("reach", Ty::F32, last.min(1.0e30) - first.max(start.clone()))
+            let last = match &stretch.end {
+                Some(end) => last.min(end.clone()),
+                None => last,
+            };
+            code.bind("reach", Ty::F32, last.min(1.0e30) - first.max(start))
         });
         code.open();
-        let next = code.var("next", Ty::F32, FAR);
+        let next = code.var("next", Ty::F32, end.clone());
         for span in spans.iter().flatten() {
             for i in 0..2 {
                 let end = span.clone().component(i);
@@ -383,10 +601,13 @@ impl Tracer<'_> {
             Some(condition) => code.push_if(condition, body),
             None => code.push_all(body),
         }
+        if let Walk::Path(flight) = &self.walk {
+            code.break_if(Expr::Local(flight.event).less(FAR));
+        }
         code.set(t, next);
-        code.break_if(Expr::Local(next).greater_equal(FAR));
+        code.break_if(Expr::Local(next).greater_equal(end));
         if let Some(depth) = state.depth {
-            let dark = least(depth.into(), self.scene.depth_width).greater(OPAQUE);
+            let dark = self.thinnest(depth).greater(OPAQUE);
             if !self.wants(OutputKind::OpticalDepth) {
                 code.break_if(dark);
             }
@@ -404,27 +625,61 @@ impl Tracer<'_> {
             self.project_segment(code, state, media, segment);
             return;
         }
+        match self.walk.clone() {
+            Walk::Eye | Walk::Shadow { .. } => {}
+            Walk::Path(flight) => return self.fly(code, state, media, segment, &flight),
+            Walk::Ratio(ratio) => return self.ratio(code, state, media, segment, &ratio),
+        }
+        let (stepped, others): (Vec<&Medium<'_>>, Vec<&Medium<'_>>) = media.iter().partition(|m| self.steps(m.matter));
         let Segment { ray, a, b, .. } = segment;
-        if self.scene.closed {
-            self.closed(code, ray, state, media, a, b);
+        if stepped.is_empty() {
+            self.closed(code, ray, state, &others, a, b);
             return;
         }
-        // Where only closed forms are present, no step is taken, and only there may a segment be endless.
-        let stepped: Vec<&Medium<'_>> = media.iter().filter(|m| m.function.is_some()).collect();
+        // Where only closed forms are present, no step is taken.
         let any = stepped.iter().map(|m| m.here.clone()).collect::<Option<Vec<Expr>>>();
         let any = any.and_then(|all| all.into_iter().reduce(Expr::or));
-        let others: Vec<&Medium<'_>> = media.iter().filter(|m| m.function.is_none()).collect();
         match any {
             Some(condition) if !others.is_empty() => {
                 code.open();
-                self.march(code, state, media, segment);
+                self.march_to_end(code, state, media, segment);
                 let steps = code.close();
                 code.open();
-                self.closed_some(code, state, &others, a, b);
+                self.closed(code, ray, state, &others, a, b);
                 let closed = code.close();
                 code.push_if_else(condition, steps, closed);
             }
-            _ => self.march(code, state, media, segment),
+            _ => self.march_to_end(code, state, media, segment),
+        }
+    }
+
+    /// Steps through a segment; through an endless one until the rest cannot be seen, and adds the depth of the rest.
+    fn march_to_end(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
+        let unbounded = |m: &&Medium<'_>| m.matter.region.is_unbounded(&self.scene.primitives);
+        let endless: Vec<&Medium<'_>> = media.iter().filter(unbounded).filter(|m| !self.open_depth(m.matter)).collect();
+        if endless.is_empty() {
+            self.march(code, state, media, segment);
+            return;
+        }
+        let Segment { ray, a, b, reach } = segment;
+        let far = code.bind("endless", Ty::BOOL, b.clone().greater_equal(FAR));
+        let end = code.var("end", Ty::F32, b.clone());
+        code.open();
+        let last = self.last_step(code, ray, &endless, a);
+        code.set(end, last);
+        let block = code.close();
+        code.push_if(far.clone(), block);
+        let b = code.bind("last", Ty::F32, end);
+        let part = Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: reach.clone() };
+        self.march(code, state, media, &part);
+        if let Some(depth) = state.depth {
+            code.open();
+            if let Some(rest) = self.depth_between(code, ray, &endless, &b, &Expr::F32(FAR), "rest") {
+                let sum = (Expr::Local(depth) + rest).min(Expr::F32(FAR).splat(self.scene.depth_width));
+                code.set(depth, sum);
+            }
+            let block = code.close();
+            code.push_if(far, block);
         }
     }
 
@@ -443,267 +698,79 @@ impl Tracer<'_> {
         }
     }
 
-    pub(super) fn attenuated(&mut self, code: &mut Code, x: Expr, width: u8) -> Expr {
-        if width == 1 {
-            return self.builder.call(self.graph, Helper::Attenuated, [x]);
-        }
-        let x = code.bind("x", Ty::float(width), x);
-        let parts = (0..width).map(|i| self.builder.call(self.graph, Helper::Attenuated, [x.clone().component(i)]));
-        Expr::Compose(Ty::float(width), parts.collect())
-    }
-
-    /// Adds up what is constant in the segment.
-    fn total(&self, code: &mut Code, parts: Vec<(Option<Expr>, Expr, u8)>, width: u8, name: &str) -> Option<Expr> {
-        let zero = || Expr::F32(0.0).splat(width);
-        let parts = parts.into_iter().map(|(here, value, from)| {
-            let value = widen(value, from, width);
-            match here {
-                Some(here) => here.select(value, zero()),
-                None => value,
-            }
-        });
-        let sum = parts.reduce(|a, b| a + b)?;
-        Some(code.bind(name, Ty::float(width), sum))
-    }
-
-    fn width(&self, node: Option<NodeId>) -> u8 {
-        node.map_or(1, |n| self.graph.width(n))
-    }
-
-    /// A segment of uniform media.
-    fn closed_some(&mut self, code: &mut Code, state: &State, media: &[&Medium<'_>], a: &Expr, b: &Expr) {
-        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
-        let collect = |of: &dyn Fn(&Medium<'_>) -> (Option<Expr>, u8)| {
-            let parts = media.iter().filter_map(|m| {
-                let (value, width) = of(m);
-                Some((m.here.clone(), value?, width))
-            });
-            parts.collect::<Vec<_>>()
-        };
-        let extinction = collect(&|m| (m.constant.extinction.clone(), self.width(m.matter.extinction)));
-        let emission = collect(&|m| (m.constant.emission.clone(), self.width(m.matter.emission)));
-        let unbounded = media.iter().any(|m| m.matter.region.is_unbounded(&self.scene.primitives));
-        let length = code.bind("length", Ty::F32, b.clone() - a.clone());
-        let k_t = self.total(code, extinction, dw, "k_t");
-        let x = k_t.map(|k_t| {
-            let x = k_t * length.clone().splat(dw);
-            // An endless segment is opaque where there is anything at all: 0 · 3e38 is 0.
-            code.bind("x", Ty::float(dw), if unbounded { x.min(Expr::F32(FAR).splat(dw)) } else { x })
-        });
-        if let Some(radiance) = state.radiance
-            && let Some(k_e) = self.total(code, emission, lw, "k_e")
-        {
-            let light = match &x {
-                Some(x) => {
-                    let mean = self.attenuated(code, x.clone(), dw);
-                    k_e * widen(mean * length.splat(dw), dw, lw)
-                }
-                None => k_e * length.splat(lw),
-            };
-            let light = self.weighted(state, light, lw);
-            code.add(radiance, light);
-        }
-        if let (Some(depth), Some(x)) = (state.depth, x) {
-            code.add(depth, x);
-        }
-    }
-
-    /// A segment in a scene in which every segment has a closed form.
-    fn closed(&mut self, code: &mut Code, ray: &Ray, state: &State, media: &[Medium<'_>], a: &Expr, b: &Expr) {
-        if media.iter().all(|m| !m.matter.varying) {
-            let all: Vec<&Medium<'_>> = media.iter().collect();
-            self.closed_some(code, state, &all, a, b);
-            return;
-        }
-        let dw = self.scene.depth_width;
-        let lw = self.scene.light_width;
-        let mut parts = vec![];
-        for medium in media {
-            for term in medium.matter.closed.iter().flatten() {
-                let scale = self.builder.value(self.graph, term.scale, &format!("{}_k_t", medium.matter.name));
-                let width = self.graph.width(term.scale);
-                let (argument, rate) = match (term.gradient, term.offset) {
-                    (Some(gradient), offset) => {
-                        let g = self.builder.value(self.graph, gradient, "gradient");
-                        let along = g.clone().dot(ray.origin.clone());
-                        let argument = match offset {
-                            Some(o) => along + self.builder.value(self.graph, o, "offset"),
-                            None => along,
-                        };
-                        (argument, g.dot(ray.direction.clone()))
-                    }
-                    (None, Some(o)) => (self.builder.value(self.graph, o, "offset"), Expr::F32(0.0)),
-                    (None, None) => (Expr::F32(0.0), Expr::F32(0.0)),
-                };
-                let integral = self.builder.helper(self.graph, Helper::ExponentialIntegral);
-                let value = Expr::Call(integral, vec![argument, rate, a.clone(), b.clone()]);
-                let value = code.bind("column", Ty::F32, value);
-                parts.push((medium.here.clone(), scale * value.splat(width), width));
-            }
-        }
-        let Some(x) = self.total(code, parts, dw, "x") else { return };
-        let x = code.bind("x", Ty::float(dw), x.min(Expr::F32(FAR).splat(dw)));
-        let source = media.iter().find_map(|m| m.matter.source);
-        if let (Some(radiance), Some(source)) = (state.radiance, source) {
-            let s = self.builder.value(self.graph, source, "source");
-            let s = widen(s, self.graph.width(source), lw);
-            let parts = (0..dw).map(|i| {
-                let x = x.clone().component_if(dw, i);
-                -self.builder.call(self.graph, Helper::Expm1, [-x])
-            });
-            let parts: Vec<Expr> = parts.collect();
-            let absorbed = if dw == 1 { parts[0].clone() } else { Expr::Compose(Ty::float(dw), parts) };
-            let light = self.weighted(state, s * widen(absorbed, dw, lw), lw);
-            code.add(radiance, light);
-        }
-        if let Some(depth) = state.depth {
-            code.add(depth, x);
-        }
-    }
-
-    /// The altitude over a shell at a distance along the ray, without cancelling in the distance.
-    fn altitude(&mut self, code: &mut Code, ray: &Ray, shell: u32, t: &Expr) -> Expr {
-        let (center, radius) = self.shells[shell as usize];
-        let center = self.builder.value(self.graph, center, "shell_center");
-        let radius = self.builder.value(self.graph, radius, "shell_radius");
-        let from = code.bind("from_center", Ty::VEC3, ray.origin.clone() - center);
-        let r = code.bind("r", Ty::F32, Expr::math(Math::Length, [from.clone()]));
-        let gain = (from.dot(ray.direction.clone()) * 2.0 + t.clone()) * t.clone();
-        let gain = code.bind("gain", Ty::F32, gain);
-        r.clone() - radius + gain.clone() / ((r.clone() * r.clone() + gain).max(0.0).sqrt() + r)
-    }
-
-    /// Evaluates all media at a distance along the ray.
-    pub(super) fn sample(
-        &mut self,
-        code: &mut Code,
-        ray: &Ray,
-        state: &State,
-        media: &[Medium<'_>],
-        t: Expr,
-        tag: &str,
-    ) -> Sampled {
-        let (dw, lw) = (self.scene.depth_width, self.emission_width());
-        let t = code.bind(&format!("t_{tag}"), Ty::F32, t);
-        let p = code.bind(&format!("p_{tag}"), Ty::VEC3, ray.at(t.clone()));
-        let single = media.len() == 1 && media[0].here.is_none();
-        if single {
-            let (extinction, emission) = self.sample_one(code, ray, state, &media[0], &p, &t);
-            let extinction = extinction.map(|e| code.bind(&format!("k_t_{tag}"), Ty::float(dw), e));
-            let emission = emission.map(|e| code.bind(&format!("k_e_{tag}"), Ty::float(lw), e));
-            return Sampled { extinction, emission };
-        }
-        let extinction = state.depth.map(|_| code.var(&format!("k_t_{tag}"), Ty::float(dw), Expr::F32(0.0).splat(dw)));
-        let emission = state.radiance.map(|_| code.var(&format!("k_e_{tag}"), Ty::float(lw), Expr::F32(0.0).splat(lw)));
-        for medium in media {
-            code.open();
-            let (k_t, k_e) = self.sample_one(code, ray, state, medium, &p, &t);
-            if let (Some(total), Some(value)) = (extinction, k_t) {
-                code.add(total, value);
-            }
-            if let (Some(total), Some(value)) = (emission, k_e) {
-                code.add(total, value);
-            }
-            let body = code.close();
-            match &medium.here {
-                Some(here) => code.push_if(here.clone(), body),
-                None => code.push_all(body),
-            }
-        }
-        let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
-            var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
-        };
-        Sampled { extinction: bind(code, extinction, "k_t", dw), emission: bind(code, emission, "k_e", lw) }
-    }
-
-    pub(super) fn emission_width(&self) -> u8 {
-        self.scene.matter.iter().map(|m| self.width(m.emission)).max().unwrap_or(1)
-    }
-
-    /// Evaluates one medium, in the widths of the scene.
-    fn sample_one(
-        &mut self,
-        code: &mut Code,
-        ray: &Ray,
-        state: &State,
-        medium: &Medium<'_>,
-        p: &Expr,
-        t: &Expr,
-    ) -> (Option<Expr>, Option<Expr>) {
-        let (dw, lw) = (self.scene.depth_width, self.emission_width());
-        let matter = medium.matter;
-        let (extinction_width, emission_width) = (self.width(matter.extinction), self.width(matter.emission));
-        let mut extinction = medium.constant.extinction.clone();
-        let mut emission = medium.constant.emission.clone();
-        if let Some((function, hoisted)) = &medium.function {
-            let mut arguments = vec![p.clone()];
-            arguments.extend(hoisted.iter().cloned());
-            for shell in &function.altitudes {
-                let h = self.altitude(code, ray, *shell, t);
-                arguments.push(h);
-            }
-            let value = code.bind(&matter.name, function.result, Expr::Call(function.id, arguments));
-            let part = |i: usize| function.part(&value, i);
-            if let (Some(fault), Some(fault_at)) = (state.fault, state.fault_at) {
-                for (at, negative, not_finite) in &medium.checks_at {
-                    check(
-                        code,
-                        fault,
-                        fault_at,
-                        part(*at),
-                        self.check_width(matter, *at, medium),
-                        *negative,
-                        *not_finite,
-                        p,
-                    );
-                }
-            }
-            extinction = medium.extinction_at.map(part).or(extinction);
-            emission = medium.emission_at.map(part).or(emission);
-        }
-        // A value that was reported must not spread.
-        let guard = |value: Expr, width: u8, to: u8, varies: bool| {
-            let value = if varies && !matter.checks.is_empty() {
-                Expr::math(Math::Clamp, [value, Expr::F32(0.0).splat(width), Expr::F32(FAR).splat(width)])
-            } else {
-                value
-            };
-            widen(value, width, to)
-        };
-        let extinction = extinction.map(|e| guard(e, extinction_width, dw, medium.extinction_at.is_some()));
-        let emission = emission.map(|e| guard(e, emission_width, lw, medium.emission_at.is_some()));
-        (extinction, emission.filter(|_| state.radiance.is_some()))
-    }
-
-    fn check_width(&self, matter: &Matter, at: usize, medium: &Medium<'_>) -> u8 {
-        if medium.extinction_at == Some(at) {
-            return self.width(matter.extinction);
-        }
-        if medium.emission_at == Some(at) {
-            return self.width(matter.emission);
-        }
-        matter
-            .checks
-            .iter()
-            .zip(&medium.checks_at)
-            .find(|(_, c)| c.0 == at)
-            .map_or(1, |(c, _)| self.graph.width(c.node))
-    }
-
     /// Radiance of the background, in the width of light.
-    fn background(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
+    pub(super) fn background(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
         let node = self.scene.background?;
-        let mut writer = Writer::new(self.graph, &self.scene.tiers);
-        writer.know_input(Input::Direction, ray.direction.clone());
-        let value = writer.write(self.builder, code, &[node]).remove(0);
+        // A sky is seen along the ray.
+        let value = self.from_ray(code, &ray.direction, &[node]).remove(0);
         Some(widen(value, self.graph.width(node), self.scene.light_width))
     }
 
-    /// What the media shine and let through.
-    fn radiance(&mut self, code: &mut Code, ray: &Ray, state: &State) -> Expr {
+    /// Radiance behind the media: of the sky and the discs in it, or of the surface that was hit.
+    fn behind(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        state: &State,
+        hit: Option<&Expr>,
+        reflected: Option<&InScattered>,
+    ) -> Option<Expr> {
+        let lw = self.scene.light_width;
+        let Some(hit) = hit else {
+            let (sky, discs) = (self.background(code, ray), self.discs(code, ray));
+            return match (sky, discs) {
+                (Some(sky), Some(discs)) => Some(sky + discs),
+                (sky, discs) => sky.or(discs),
+            };
+        };
+        let t = hit.clone().field(0);
+        let behind = code.var("behind", Ty::float(lw), Expr::F32(0.0).splat(lw));
+        code.open();
+        let (sky, discs) = (self.background(code, ray), self.discs(code, ray));
+        for part in [sky, discs].into_iter().flatten() {
+            code.add(behind, part);
+        }
+        let free = code.close();
+        code.open();
+        if let Some(reflected) = reflected {
+            let normal = hit.clone().field(1);
+            let at = code.bind("at", Ty::VEC3, ray.at(t.clone()));
+            // Clear of the surface by more than the hit may be wrong by.
+            let size = largest(at.clone().abs(), 3).max(t.clone().abs()).max(1e-3);
+            let at = code.bind("above", Ty::VEC3, at + normal.clone() * (size * 4e-6).splat(3));
+            let arguments = vec![at, normal, hit.clone().field(2)];
+            let value = code.bind("reflected", reflected.result, Expr::Call(reflected.function, arguments));
+            code.set(behind, reflected.light(&value, 0));
+            if let (Some(error), Some(field)) = (state.error, reflected.error) {
+                let through = self.transmittance(state).map_or(Expr::F32(1.0), |t| largest(t, self.scene.depth_width));
+                code.add(error, through * value.clone().field(field));
+            }
+            if let (Some(work), Some(field)) = (state.work, reflected.work) {
+                code.add(work, Self::counted(value.field(field)));
+            }
+        }
+        let stopped = code.close();
+        let visible = match state.depth {
+            Some(depth) => self.thinnest(depth).less(OPAQUE),
+            None => Expr::Bool(true),
+        };
+        code.push_if(hit.clone().field(0).greater_equal(FAR), free);
+        code.push_if(hit.clone().field(0).less(FAR).and(visible), stopped);
+        Some(behind.into())
+    }
+
+    /// What the media send and let through.
+    fn radiance(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        state: &State,
+        hit: Option<&Expr>,
+        reflected: Option<&InScattered>,
+    ) -> Expr {
         let width = self.scene.light_width;
         let light = state.radiance.map(Expr::Local);
-        let behind = self.background(code, ray).map(|value| self.weighted(state, value, width));
+        let behind = self.behind(code, ray, state, hit, reflected).map(|value| self.weighted(state, value, width));
         match (light, behind) {
             (Some(light), Some(behind)) => light + behind,
             (Some(light), None) | (None, Some(light)) => light,
@@ -712,13 +779,24 @@ impl Tracer<'_> {
     }
 
     /// The struct that is returned.
-    fn finish(mut self, mut code: Code, ray: &Ray, state: &State) -> Traced {
+    fn finish(
+        mut self,
+        mut code: Code,
+        ray: &Ray,
+        state: &State,
+        hit: Option<&Expr>,
+        reflected: Option<&InScattered>,
+    ) -> Traced {
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
         let mut shown = None;
         if let Some(projected) = &state.projected {
             let background = self.background(&mut code, ray);
             let background = background.unwrap_or_else(|| Expr::F32(0.0).splat(lw));
             shown = Some(self.projected_light(&mut code, ray, projected, background));
+        }
+        if let (Some(fault), true) = (state.fault, self.has_loops()) {
+            let cut = self.cut_short(&mut code);
+            code.if_(cut, |code| code.set(fault, Fault::CUT_SHORT));
         }
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];
@@ -727,7 +805,7 @@ impl Tracer<'_> {
                 OutputKind::Radiance => {
                     let light = match &shown {
                         Some((light, _)) => light.clone(),
-                        None => self.radiance(&mut code, ray, state),
+                        None => self.radiance(&mut code, ray, state, hit, reflected),
                     };
                     fields.push((kind, lw));
                     values.push(light);
@@ -770,12 +848,11 @@ impl Tracer<'_> {
         let result = self.builder.add_struct("Traced", names.collect());
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        Traced { function, fields }
+        Traced { function, fields, random: None, fill: None }
     }
 }
 
-fn collect(region: &super::shapes::Region, out: &mut Vec<usize>) {
-    use super::shapes::Region;
+fn collect(region: &Region, out: &mut Vec<usize>) {
     match region {
         Region::Everywhere => {}
         Region::Leaf(i) => out.push(*i),
@@ -784,31 +861,5 @@ fn collect(region: &super::shapes::Region, out: &mut Vec<usize>) {
             collect(first, out);
             rest.iter().for_each(|r| collect(r, out));
         }
-    }
-}
-
-/// Notes the first value that is negative or not finite. By bits, since shaders may assume that such values do not occur:
-/// read as u32, only finite numbers ≥ +0 are at most 7f7fffff, and −0 is harmless.
-fn check(
-    code: &mut Code,
-    fault: LocalId,
-    fault_at: LocalId,
-    value: Expr,
-    width: u8,
-    negative: u32,
-    not_finite: u32,
-    p: &Expr,
-) {
-    for i in 0..width {
-        let bits = code.bind("bits", Ty::U32, value.clone().component_if(width, i).bitcast(Prim::U32));
-        let bad =
-            bits.clone().greater(0x7f7f_ffffu32).and(Expr::binary(BinaryOp::NotEqual, bits.clone(), 0x8000_0000u32));
-        let bad = bad.and(Expr::Local(fault).equal(0u32));
-        code.if_(bad, |code| {
-            let magnitude = Expr::binary(BinaryOp::BitAnd, bits, 0x7fff_ffffu32);
-            let infinite = magnitude.greater_equal(0x7f80_0000u32);
-            code.set(fault, infinite.select(not_finite, negative));
-            code.set(fault_at, p.clone());
-        });
     }
 }

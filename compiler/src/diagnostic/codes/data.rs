@@ -188,8 +188,9 @@ PNG, is damaged, or was stripped of its metadata by another program.
         code: "E0650",
         title: "a coefficient is negative at some place",
         explanation: "\
-`k_a`, `k_s` and `k_e` are densities of what absorbs, scatters or emits: there is none below zero. The message names the
-field and a position where it happens; it could not be known before drawing.
+`k_a`, `k_s` and `k_e` are densities of what absorbs, scatters or emits: there is none below zero, nor are there phase
+functions, albedos or lights below it. The message names the field and a position where it happens; it could not be known
+before drawing.
 
 Wrong, since noise swings around zero:
 
@@ -232,6 +233,22 @@ reasonable distance. Give the medium a `shape`.
 `from` and `to` must differ, all values must be finite, `fov` must lie between 0 and 180 degrees, and the height of an
 orthographic picture must be positive. Look at the params that the camera uses.
 ",
+    },
+    CodeInfo {
+        code: "E0655",
+        title: "no upper bound is known of a coefficient",
+        explanation: "Light that is scattered more than once is followed along random paths. Where a medium has no closed form, \
+collisions are found by a bound that its coefficient never exceeds (a majorant), worked out by interval arithmetic from \
+the scene, the values of its params and the voxels of its grids. A field without a bound, such as `1/length(p)`, must be clamped, \
+and a medium without a closed form that never ends needs a `shape`:\n\n\
+```\nmedium glow { shape = sphere(center: (0,0,0) m, radius: 1 m)  k_s = min(100, 1 m / length(p)) /m }\n```",
+    },
+    CodeInfo {
+        code: "E0656",
+        title: "the graphics driver ended loops early",
+        explanation: "Some drivers, software ones above all, end every loop of a shader once 65535 rounds have been taken in all, and \
+report nothing. A kernel notices it at its end, and the picture is refused where that happened. Ask for less: a larger \
+`accuracy`, fewer `steps`, a simpler field; or let the processor draw with `--engine cpu`.",
     },
     CodeInfo {
         code: "E0654",

@@ -342,6 +342,8 @@ fn run<V: Voxels + ?Sized>(code: &[Instruction], env: &Environment<'_>, voxels: 
                     Input::Position => env.position[c],
                     Input::Direction => env.direction[c],
                     Input::CosTheta => env.cos_theta,
+                    Input::Versine => env.cos_theta.map(|c| 1.0 - c),
+                    Input::Vercosine => env.cos_theta.map(|c| 1.0 + c),
                     Input::Time => [env.time; LANES],
                     Input::Altitude(shell) => env.altitudes[*shell as usize],
                 };

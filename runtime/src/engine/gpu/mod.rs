@@ -20,4 +20,4 @@ pub use adapter::{AdapterChoice, AdapterKind, AdapterReport, Gpu, Needs, adapter
 pub use draw::{Clock, PackedRay, Prepared, Tile, Timing};
 pub use errors::{GpuError, GpuErrorKind};
 pub use pipelines::cache_folder;
-pub use resources::GridData;
+pub use resources::{GridData, SceneData};

@@ -44,8 +44,8 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
             view_dimension: wgpu::TextureViewDimension::D3,
             multisampled: false,
         },
-        Binding::Table(_) | Binding::Rays => storage(true),
-        Binding::Records => storage(false),
+        Binding::Table(_) | Binding::Mesh(_) | Binding::Rays => storage(true),
+        Binding::Cache | Binding::Records => storage(false),
     }
 }
 

@@ -18,6 +18,15 @@ pub struct GridData<'a> {
     pub bytes: &'a [u8],
 }
 
+/// What a program reads besides its uniforms.
+#[derive(Copy, Clone, Debug, Default)]
+pub struct SceneData<'a> {
+    /// Element `i` is grid `i` of the program's graph.
+    pub grids: &'a [GridData<'a>],
+    /// Element `i` is mesh `i` of the scene, as [`Binding::Mesh`] says.
+    pub meshes: &'a [Vec<f32>],
+}
+
 /// Bytes that are handed to wgpu at once. It keeps a copy until the upload is done, so this bounds that copy.
 const SLAB: usize = 8 << 20;
 
@@ -28,16 +37,20 @@ pub(super) struct Resources {
     pub(super) grids: Vec<wgpu::TextureView>,
     /// Tables likewise.
     pub(super) tables: Vec<(TableId, wgpu::Buffer, Vec<f32>)>,
+    /// Meshes likewise.
+    pub(super) meshes: Vec<wgpu::Buffer>,
+    /// Columns of light.
+    pub(super) cache: Option<wgpu::Buffer>,
 }
 
 impl Resources {
-    pub(super) fn new(gpu: &Gpu, program: &Program, grids: &[GridData<'_>]) -> Result<Self, GpuError> {
-        let mut resources = Self { grids: vec![], tables: vec![] };
+    pub(super) fn new(gpu: &Gpu, program: &Program, data: SceneData<'_>) -> Result<Self, GpuError> {
+        let mut resources = Self { grids: vec![], tables: vec![], meshes: vec![], cache: None };
         for binding in &program.plan.bindings {
             match binding {
                 Binding::Grid(id) => {
                     let name = &program.optimised.graph.grid(*id).name;
-                    resources.grids.push(upload(gpu, name, grids[id.0 as usize])?);
+                    resources.grids.push(upload(gpu, name, data.grids[id.0 as usize])?);
                 }
                 Binding::Table(id) => {
                     let table = program.optimised.graph.table(*id);
@@ -49,6 +62,26 @@ impl Resources {
                         mapped_at_creation: false,
                     });
                     resources.tables.push((*id, buffer, vec![]));
+                }
+                Binding::Mesh(id) => {
+                    let numbers: &[u8] = bytemuck::cast_slice(&data.meshes[id.0 as usize]);
+                    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some(&program.optimised.meshes[id.0 as usize].path),
+                        size: numbers.len() as u64,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                        mapped_at_creation: false,
+                    });
+                    gpu.queue.write_buffer(&buffer, 0, numbers);
+                    resources.meshes.push(buffer);
+                }
+                Binding::Cache => {
+                    let size = 4 * program.plan.fill.map_or(1, |f| u64::from(f.floats)).max(1);
+                    resources.cache = Some(gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some("columns of light"),
+                        size,
+                        usage: wgpu::BufferUsages::STORAGE,
+                        mapped_at_creation: false,
+                    }));
                 }
                 Binding::Uniforms | Binding::Rays | Binding::Records => {}
             }

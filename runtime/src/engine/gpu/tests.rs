@@ -93,6 +93,7 @@ fn program(
             uniforms: UniformLayout { fields, size },
             passes: vec![Pass { kernel: 0, extent }],
             steps: StepRule::Closed,
+            fill: None,
             samples: 1,
             work_per_ray: 1,
         },
@@ -106,7 +107,21 @@ fn field(name: &str, offset: u32, width: u8, integer: bool, source: UniformSourc
 
 fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
     let eye = Eye { anchor: [1.0, 2.0, 3.0], forward: [0.0, 0.0, 1.0], right: [4.0; 3], up: [5.0; 3], plane: 6.0 };
-    Frame { params, time: 0.0, size, accuracy: 1e-3, white: 0.5, steps: 7, max_work: 9, eye }
+    Frame {
+        params,
+        time: 0.0,
+        size,
+        accuracy: 1e-3,
+        white: 0.5,
+        steps: 7,
+        max_work: 9,
+        eye,
+        paths: 0,
+        first_path: 0,
+        seed: 0,
+        bounds: None,
+        grids: vec![],
+    }
 }
 
 /// Draws into one picture of records.
@@ -163,7 +178,7 @@ fn indices() -> Arc<Program> {
 fn every_pixel_is_drawn_once_and_params_do_not_compile() {
     let program = indices();
     let Some(gpu) = open(&Needs::of(&program)) else { return };
-    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], &[]).expect("prepares");
+    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], SceneData::default()).expect("prepares");
     assert_eq!(gpu.pipelines_created(), 1);
     for (size, level) in [([1, 1], 0.5), ([640, 77], 2.0), ([16384, 1], 3.0), ([3, 2000], 4.0), ([0, 4], 1.0)] {
         let (records, timing) = picture(&mut prepared, &frame(size, vec![vec![level]]), 4);
@@ -181,7 +196,7 @@ fn every_pixel_is_drawn_once_and_params_do_not_compile() {
 fn a_large_picture_is_cut_into_tiles() {
     let program = indices();
     let Some(gpu) = open(&Needs::of(&program)) else { return };
-    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], &[]).expect("prepares");
+    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], SceneData::default()).expect("prepares");
     let size = [1999, 2003];
     let mut seen = 0;
     let timing = prepared
@@ -225,7 +240,7 @@ fn rays_of_a_list_go_through_the_same_path() {
     let bindings = vec![Binding::Uniforms, Binding::Rays, Binding::Records];
     let program = program(Graph::default(), RaySource::List, 2, bindings, fields);
     let Some(gpu) = open(&Needs::of(&program)) else { return };
-    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(text)], &[]).expect("prepares");
+    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(text)], SceneData::default()).expect("prepares");
     for count in [0, 1, 65, 100_000] {
         let rays: Vec<PackedRay> = (0..count).map(|i| [i as f32, 0., 0., -1., 0., i as f32 * 0.5, 0., 0.]).collect();
         let mut all = vec![];
@@ -282,7 +297,8 @@ fn read_grid(scalar: Scalar, dims: [u32; 3], bytes: &[u8]) -> Option<Vec<f32>> {
     let program = program(graph, RaySource::Camera, 1, bindings, fields);
     let gpu = open(&Needs::of(&program))?;
     let grids = [GridData { header: &header, bytes }];
-    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(&text)], &grids).expect("prepares");
+    let mut prepared =
+        gpu.prepare_modules(&program, vec![wgsl(&text)], SceneData { grids: &grids, meshes: &[] }).expect("prepares");
     Some(picture(&mut prepared, &frame([dims[0], dims[1] * dims[2]], vec![]), 1).0)
 }
 
@@ -368,7 +384,7 @@ fn tables_follow_the_parameters() {
     let bindings = vec![Binding::Table(TableId(0)), Binding::Records];
     let program = program(graph, RaySource::Camera, 4, bindings, vec![]);
     let Some(gpu) = open(&Needs::of(&program)) else { return };
-    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(text)], &[]).expect("prepares");
+    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(text)], SceneData::default()).expect("prepares");
     for value in [1.5, 1e60, 2.5] {
         let (records, _) = picture(&mut prepared, &frame([1, 1], vec![vec![value]]), 4);
         let held = |x: f64| (x as f32).min(f32::MAX);
@@ -381,7 +397,7 @@ fn tables_follow_the_parameters() {
 fn a_lost_device_is_an_error_and_stays_one() {
     let program = indices();
     let Some(gpu) = open(&Needs::of(&program)) else { return };
-    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], &[]).expect("prepares");
+    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], SceneData::default()).expect("prepares");
     let frame = frame([64, 64], vec![vec![1.0]]);
     picture(&mut prepared, &frame, 4);
     gpu.device.destroy();
@@ -390,7 +406,8 @@ fn a_lost_device_is_an_error_and_stays_one() {
         assert_eq!(error.kind, GpuErrorKind::DeviceLost, "{error}");
         assert!(error.hint.is_some());
     }
-    let error = gpu.prepare_modules(&program, vec![wgsl(INDICES)], &[]).expect_err("the device is gone");
+    let error =
+        gpu.prepare_modules(&program, vec![wgsl(INDICES)], SceneData::default()).expect_err("the device is gone");
     assert_eq!(error.kind, GpuErrorKind::DeviceLost, "{error}");
 }
 
@@ -399,9 +416,11 @@ fn a_shader_that_does_not_fit_the_plan_is_an_error() {
     let program = indices();
     let Some(gpu) = open(&Needs::of(&program)) else { return };
     let text = INDICES.replace("@binding(1)", "@binding(5)");
-    let error = gpu.prepare_modules(&program, vec![wgsl(&text)], &[]).expect_err("binding 5 is not in the plan");
+    let error = gpu
+        .prepare_modules(&program, vec![wgsl(&text)], SceneData::default())
+        .expect_err("binding 5 is not in the plan");
     assert_eq!(error.kind, GpuErrorKind::Validation);
     assert!(!error.message.contains('\n'), "{error}");
-    let error = gpu.prepare_modules(&program, vec![], &[]).expect_err("a shader is missing");
+    let error = gpu.prepare_modules(&program, vec![], SceneData::default()).expect_err("a shader is missing");
     assert_eq!(error.kind, GpuErrorKind::Validation);
 }

@@ -38,15 +38,18 @@ impl Block {
             .iter()
             .filter_map(|f| match f.source {
                 UniformSource::Node(id) => Some(id),
-                UniformSource::Frame(_) => None,
+                UniformSource::Majorant(_) | UniformSource::Frame(_) => None,
             })
             .collect();
         let graph = &program.optimised.graph;
         let mut values = evaluate_with(graph, &nodes, &frame.params, frame.time, tables).into_iter();
+        let bounded = layout.fields.iter().any(|f| matches!(f.source, UniformSource::Majorant(_)));
+        let majorants = if bounded { frame.majorants(graph) } else { vec![] };
         let mut block = Self { bytes: vec![0; layout.size as usize], moving: vec![] };
         for field in &layout.fields {
             match field.source {
                 UniformSource::Node(_) => block.store(field, &values.next().unwrap_or_default()),
+                UniformSource::Majorant(node) => block.store(field, &[majorants[node.0 as usize].high]),
                 UniformSource::Frame(value) => match still(value, frame) {
                     Some(value) => block.store(field, &value),
                     None => block.moving.push(field.clone()),
@@ -91,6 +94,12 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::White => vec![frame.white],
         FrameValue::Steps => vec![f64::from(frame.steps)],
         FrameValue::MaxWork => vec![f64::from(frame.max_work)],
+        FrameValue::Paths => vec![f64::from(frame.paths)],
+        FrameValue::FirstPath => vec![f64::from(frame.first_path)],
+        FrameValue::Seed => vec![f64::from(frame.seed)],
+        FrameValue::Rounds => vec![2.0],
+        FrameValue::CacheLow => frame.cube().0.to_vec(),
+        FrameValue::CacheSize => vec![frame.cube().1],
         FrameValue::PixelScale => vec![f64::from(frame.size[1]) / 2.0],
     })
 }
@@ -110,6 +119,12 @@ fn of_part(value: FrameValue, part: Part) -> Vec<f64> {
         | FrameValue::White
         | FrameValue::Steps
         | FrameValue::MaxWork
+        | FrameValue::Paths
+        | FrameValue::FirstPath
+        | FrameValue::Seed
+        | FrameValue::Rounds
+        | FrameValue::CacheLow
+        | FrameValue::CacheSize
         | FrameValue::PixelScale => vec![],
     }
 }

@@ -95,7 +95,7 @@ const MAX_CURVED: usize = 48;
 const MAX_UNROLLED: usize = 100_000;
 
 /// How a node varies along a ray, by node: 0 not at all, 1 linearly, 2 in some other way.
-fn degrees(graph: &Graph) -> Vec<u8> {
+pub(super) fn degrees(graph: &Graph) -> Vec<u8> {
     let tiers = graph.tiers();
     let mut degree: Vec<u8> = Vec::with_capacity(graph.len());
     for id in graph.ids() {

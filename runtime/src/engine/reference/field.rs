@@ -1,13 +1,19 @@
 //! Fields of one frame as tapes, evaluated at eight points of a ray at once.
 
+use super::closed::Closed;
 use super::events::{self, Event, Events, Levels, Watch};
 use super::gauss::{N, Nodes};
+use super::light::{self, LightField};
+use super::paths::bound::bound;
+use super::paths::phase::PhaseTable;
 use super::shape::{self, AltitudeRay, Solid};
+use super::surface::{self, SurfaceField};
+use super::trace::BANDS;
 use crate::frame::vector::{Vec3, along};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::derive::gradient;
 use compiler::ir::eval::{Environment, Scratch, Tables, Tape, Voxels, evaluate_with};
-use compiler::ir::{FieldScene, Graph, Input, NodeId, Tier};
+use compiler::ir::{FieldScene, Graph, Input, Medium, NodeId, Op, Scattering, Tier};
 use compiler::source::Span;
 use std::collections::HashMap;
 
@@ -61,6 +67,36 @@ impl Sampler {
     }
 }
 
+impl Sampler {
+    /// With everything watched as if it were curved.
+    fn curved(graph: &Graph, roots: &[NodeId], events: Events) -> Self {
+        let Events { mut straight, mut curved } = events;
+        straight.append(&mut curved);
+        Self::new(graph, roots, &Events { curved: straight, straight: vec![] }, false)
+    }
+}
+
+/// What is behind everything, as a field of the direction, which stands for the position: so its events are found as those
+/// of any field.
+fn sky(graph: &mut Graph, background: NodeId, tables: &Tables) -> Sampler {
+    let (direction, position) = (graph.input(Input::Direction), graph.input(Input::Position));
+    let live = graph.reachable(&[background]);
+    let mut map: Vec<NodeId> = graph.ids().collect();
+    map[direction.0 as usize] = position;
+    let ids: Vec<NodeId> =
+        graph.ids().filter(|id| live.get(id.0 as usize) == Some(&true) && *id != direction).collect();
+    for id in ids {
+        let old = *graph.op(id);
+        let new = Graph::map_operands(&old, |a| map[a.0 as usize]);
+        if new != old {
+            map[id.0 as usize] = graph.push(new);
+        }
+    }
+    let root = map[background.0 as usize];
+    let events = events::find(graph, &[root], tables);
+    Sampler::curved(graph, &[root], events)
+}
+
 impl Field {
     fn new(graph: &mut Graph, roots: &[NodeId], tables: &Tables) -> Self {
         let tiers = graph.tiers();
@@ -80,6 +116,15 @@ impl Field {
     }
 }
 
+/// What a medium does to light on its way from a light to a point.
+#[derive(Clone, Debug)]
+pub(super) struct Shade {
+    /// Its optical depth in closed form, if it has one.
+    pub(super) closed: Option<Closed>,
+    /// k_a, k_s.
+    pub(super) field: Field,
+}
+
 /// A medium of one frame.
 #[derive(Clone, Debug)]
 pub(super) struct MediumField {
@@ -88,6 +133,18 @@ pub(super) struct MediumField {
     pub(super) solid: Solid,
     /// k_a, k_s, k_e.
     pub(super) field: Field,
+    /// Where there are lights.
+    pub(super) shade: Option<Shade>,
+    /// Whether k_s is more than the constant 0.
+    pub(super) scatters: bool,
+    /// Whether k_e is more than the constant 0.
+    pub(super) emits: bool,
+    /// `None` is isotropic.
+    pub(super) phase: Option<Tape>,
+    /// For paths: directions of its phase function, if that is the same everywhere.
+    pub(super) table: Option<PhaseTable>,
+    /// For paths: no extinction in it is above this; infinite if unknown, or if there are no paths.
+    pub(super) bound: f64,
     /// For the projections: the data.
     pub(super) data: Option<Field>,
     /// For the projections: colour of a value of the data, which stands for the cosine.
@@ -100,9 +157,22 @@ pub(super) struct MediumField {
 #[derive(Clone, Debug)]
 pub(super) struct Fields {
     pub(super) media: Vec<MediumField>,
-    pub(super) background: Tape,
+    /// Of the direction in place of the position.
+    pub(super) background: Sampler,
+    /// How messages call the background.
+    pub(super) sky_name: String,
+    pub(super) lights: Vec<LightField>,
+    /// Whether the background shines on media and surfaces.
+    pub(super) environment: bool,
+    /// Media scatter light towards the eye.
+    pub(super) scatters: bool,
+    /// Polar axis for integrals over the sphere, if directions differ most by their angle to it.
+    pub(super) axis: Option<Vec3>,
+    pub(super) surfaces: Vec<SurfaceField>,
     /// Tapes of the fields of `sdf` shapes.
     pub(super) sdf: HashMap<NodeId, Tape>,
+    /// Exact gradients of those that bound surfaces, where there are any.
+    pub(super) slopes: HashMap<NodeId, Tape>,
     /// Centre and radius of each shell whose altitude is asked for.
     pub(super) shells: Vec<(Vec3, f64)>,
     pub(super) tables: Tables,
@@ -119,19 +189,14 @@ impl Fields {
     ) -> Result<Self, Diagnostic> {
         let mut graph = scene.graph.clone();
         let tables = Tables::evaluate(&graph, params, time);
-        let frame = |nodes: &[NodeId]| -> Vec<Vec<f64>> {
-            let tape = Tape::new(&scene.graph, nodes);
-            let environment = Environment { time, params, tables: &tables, ..Environment::default() };
-            let mut scratch = tape.scratch();
-            tape.run(&environment, voxels, &mut scratch);
-            (0..nodes.len()).map(|i| tape.root(&scratch, i).iter().map(|lane| lane[0]).collect()).collect()
-        };
+        let now = Now { params, time, tables: &tables, voxels };
+        let frame = |nodes: &[NodeId]| now.numbers(&scene.graph, nodes);
+        let bands = (scene.bands.count() as usize).clamp(1, BANDS);
         let tiers = graph.tiers();
-        let mut media = vec![];
         let mut sdf = HashMap::new();
-        for medium in &scene.media {
+        let mut solid_of = |shape: &compiler::ir::Shape| -> Result<Solid, String> {
             let mut nodes = vec![];
-            medium.shape.clone().map_nodes(&mut |n| {
+            shape.clone().map_nodes(&mut |n| {
                 if tiers[n.0 as usize] <= Tier::Frame {
                     nodes.push(n);
                 }
@@ -140,21 +205,42 @@ impl Fields {
             let values: HashMap<NodeId, Vec<f64>> =
                 if nodes.is_empty() { HashMap::new() } else { nodes.iter().copied().zip(frame(&nodes)).collect() };
             let mut value = |n: NodeId| values.get(&n).cloned().unwrap_or_else(|| vec![f64::NAN]);
-            let solid = shape::evaluate(&medium.shape, &mut value).map_err(|part| {
-                let message = format!("the {part} in the shape of medium `{}` is not finite", medium.name);
-                with_span(Diagnostic::error("E0651", message), medium.span)
-                    .hint("check the params and divisions that it uses")
-            })?;
+            let solid = shape::evaluate(shape, &mut value)?;
             let mut fields = vec![];
             solid.fields(&mut fields);
             for field in fields {
                 sdf.entry(field).or_insert_with(|| Tape::new(&scene.graph, &[field]));
             }
+            Ok(solid)
+        };
+        let lights = light::evaluate(scene, bands, &frame)?;
+        let surfaces = surface::evaluate(scene, &frame, &mut solid_of)?;
+        let mut solids = vec![];
+        for medium in &scene.media {
+            solids.push(solid_of(&medium.shape).map_err(|part| {
+                let message = format!("the {part} in the shape of medium `{}` is not finite", medium.name);
+                with_span(Diagnostic::error("E0651", message), medium.span)
+                    .hint("check the params and divisions that it uses")
+            })?);
+        }
+        let slopes = surface::slopes(&mut graph, &surfaces);
+        let scatter = scene.render.scattering != Scattering::None;
+        let lit = !lights.is_empty() || scene.environment;
+        let paths = scene.render.scattering == Scattering::Multiple;
+        let shaded = paths || lit && (scatter || !surfaces.is_empty());
+        let mut media = vec![];
+        for (medium, solid) in scene.media.iter().zip(solids) {
             media.push(MediumField {
                 name: medium.name.clone(),
                 span: medium.span,
                 solid,
                 field: Field::new(&mut graph, &[medium.k_a, medium.k_s, medium.k_e], &tables),
+                shade: shaded.then(|| shade(&mut graph, medium, bands, &now)),
+                scatters: is_something(&graph, medium.k_s),
+                emits: is_something(&graph, medium.k_e),
+                phase: medium.phase.map(|p| Tape::new(&scene.graph, &[p])),
+                table: None,
+                bound: f64::INFINITY,
                 data: medium.data.map(|d| Field::new(&mut graph, &[d], &tables)),
                 color: medium.data_color.map(|c| Tape::new(&scene.graph, &[c])),
                 gradient: medium.data.and_then(|d| {
@@ -168,15 +254,102 @@ impl Fields {
             let values = frame(&[*center, *radius]);
             (std::array::from_fn(|c| values[0][c.min(values[0].len() - 1)]), values[1][0])
         });
-        Ok(Self {
+        let shells = shells.collect();
+        let named = scene.graph.origin(scene.background).name.as_deref().and_then(|n| n.strip_suffix(".environment"));
+        let mut all = Self {
             media,
-            background: Tape::new(&scene.graph, &[scene.background]),
+            background: sky(&mut graph, scene.background, &tables),
+            sky_name: match named {
+                Some(name) => format!("the environment of light `{name}`"),
+                None if scene.environment => "the environment".to_owned(),
+                None => "the background".to_owned(),
+            },
+            lights,
+            environment: scene.environment,
+            scatters: lit && scatter && !paths,
+            axis: None,
+            surfaces,
             sdf,
-            shells: shells.collect(),
+            slopes,
+            shells,
             params: params.to_vec(),
             time,
             tables,
-        })
+        };
+        if paths {
+            all.prepare_paths(scene, voxels);
+        }
+        if all.environment && shaded {
+            all.axis = all.find_axis(voxels);
+        }
+        Ok(all)
+    }
+
+    /// Bounds of extinction where there is no closed form, and tables of phase functions that are the same everywhere.
+    fn prepare_paths<V: Voxels + ?Sized>(&mut self, scene: &FieldScene, voxels: &V) {
+        let tiers = scene.graph.tiers();
+        let mut tables = vec![];
+        for (field, medium) in self.media.iter().zip(&scene.media) {
+            let closed = field.shade.as_ref().is_some_and(|s| s.closed.is_some());
+            let bound = if closed {
+                f64::INFINITY
+            } else {
+                let frame = (self.params.as_slice(), self.time);
+                bound(&scene.graph, &[medium.k_a, medium.k_s], &field.solid, &self.shells, frame, voxels)
+            };
+            let same =
+                medium.phase.is_some_and(|p| tiers[p.0 as usize] < Tier::Sample && !uses_direction(&scene.graph, p));
+            let table = field.phase.as_ref().filter(|_| same).and_then(|tape| {
+                let mut scratch = tape.scratch();
+                let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells);
+                let values = |cosines: &Nodes| {
+                    self.run_phase(tape, &mut scratch, voxels, &ray, &[0.0; N], cosines);
+                    let at = |b: usize| *tape.component(&scratch, 0, b.min(tape.width(0) - 1));
+                    // What is wrong with it is reported where it is used.
+                    Ok(std::array::from_fn(|b| at(b).map(|v| if v > 0.0 && v.is_finite() { v } else { 0.0 })))
+                };
+                let bands = (scene.bands.count() as usize).clamp(1, BANDS);
+                PhaseTable::new(true, bands, values).ok().flatten()
+            });
+            tables.push((bound, table));
+        }
+        for (field, (bound, table)) in self.media.iter_mut().zip(tables) {
+            (field.bound, field.table) = (bound, table);
+        }
+    }
+
+    /// The normal of the first plane, or the direction in which an atmosphere thins, unless a phase function is so peaked that
+    /// the direction of the ray matters more.
+    fn find_axis<V: Voxels + ?Sized>(&self, voxels: &V) -> Option<Vec3> {
+        let peaked = self.media.iter().any(|m| {
+            m.scatters
+                && m.phase.as_ref().is_some_and(|tape| {
+                    let cosines = [1.0, 0.99, 0.9, 0.5, -0.5, -0.9, -0.99, -1.0];
+                    let mut scratch = tape.scratch();
+                    self.run_phase(
+                        tape,
+                        &mut scratch,
+                        voxels,
+                        &Ray::new([0.0; 3], [0.0, 0.0, 1.0], &self.shells),
+                        &[0.0; N],
+                        &cosines,
+                    );
+                    let most =
+                        (0..tape.width(0)).flat_map(|c| tape.component(&scratch, 0, c)).fold(0.0f64, |m, v| m.max(*v));
+                    most > 0.35
+                })
+        });
+        if peaked {
+            return None;
+        }
+        let plane = self.surfaces.iter().find_map(|s| match &s.form {
+            surface::SurfaceForm::Plane { normal, .. } => Some(*normal),
+            surface::SurfaceForm::Disc { .. } | surface::SurfaceForm::Boundary(_) | surface::SurfaceForm::Mesh(_) => {
+                None
+            }
+        });
+        let thins = || self.media.iter().find_map(|m| m.shade.as_ref()?.closed.as_ref()?.slope(self, voxels));
+        plane.or_else(thins)
     }
 
     /// Numbers of a node of tier Frame, without voxels.
@@ -194,7 +367,44 @@ impl Fields {
         ts: &Nodes,
         towards_sky: bool,
     ) {
-        let sign = if towards_sky { 1.0 } else { -1.0 };
+        self.run_with(tape, scratch, voxels, ray, ts, &[0.0; N], if towards_sky { 1.0 } else { -1.0 });
+    }
+
+    /// Evaluates a phase function at points of the ray into which light is scattered, at cosines of the angle of scattering.
+    pub(super) fn run_phase<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        ray: &Ray,
+        ts: &Nodes,
+        cosines: &Nodes,
+    ) {
+        self.run_with(tape, scratch, voxels, ray, ts, cosines, -1.0);
+    }
+
+    /// Evaluates what is behind everything in several directions.
+    pub(super) fn run_sky<V: Voxels + ?Sized>(&self, scratch: &mut Scratch, voxels: &V, directions: &[Vec3; N]) {
+        let environment = Environment {
+            position: std::array::from_fn(|c| directions.map(|d| d[c])),
+            time: self.time,
+            params: &self.params,
+            tables: &self.tables,
+            ..Environment::default()
+        };
+        self.background.tape.run(&environment, voxels, scratch);
+    }
+
+    fn run_with<V: Voxels + ?Sized>(
+        &self,
+        tape: &Tape,
+        scratch: &mut Scratch,
+        voxels: &V,
+        ray: &Ray,
+        ts: &Nodes,
+        cosines: &Nodes,
+        sign: f64,
+    ) {
         let mut position = [[0.0; N]; 3];
         for (lane, t) in ts.iter().enumerate() {
             let p = along(ray.origin, ray.direction, *t);
@@ -204,7 +414,7 @@ impl Fields {
         let environment = Environment {
             position,
             direction: ray.direction.map(|d| [sign * d; N]),
-            cos_theta: [0.0; N],
+            cos_theta: *cosines,
             time: self.time,
             altitudes: &altitudes,
             params: &self.params,
@@ -251,6 +461,42 @@ impl Fields {
     }
 }
 
+/// Whether a node is anything but the constant 0.
+fn is_something(graph: &Graph, node: NodeId) -> bool {
+    graph.constant(node).is_none_or(|c| c.values().iter().any(|v| *v != 0.0))
+}
+
+fn uses_direction(graph: &Graph, node: NodeId) -> bool {
+    let live = graph.reachable(&[node]);
+    graph.ids().any(|id| live.get(id.0 as usize) == Some(&true) && *graph.op(id) == Op::Input(Input::Direction))
+}
+
+/// What nodes of tier Frame depend on.
+struct Now<'a, V: ?Sized> {
+    params: &'a [Vec<f64>],
+    time: f64,
+    tables: &'a Tables,
+    voxels: &'a V,
+}
+
+impl<V: Voxels + ?Sized> Now<'_, V> {
+    fn numbers(&self, graph: &Graph, nodes: &[NodeId]) -> Vec<Vec<f64>> {
+        let tape = Tape::new(graph, nodes);
+        let environment =
+            Environment { time: self.time, params: self.params, tables: self.tables, ..Environment::default() };
+        let mut scratch = tape.scratch();
+        tape.run(&environment, self.voxels, &mut scratch);
+        (0..nodes.len()).map(|i| tape.root(&scratch, i).iter().map(|lane| lane[0]).collect()).collect()
+    }
+}
+
+/// A medium as shadow rays see it.
+fn shade<V: Voxels + ?Sized>(graph: &mut Graph, medium: &Medium, bands: usize, now: &Now<'_, V>) -> Shade {
+    let roots = [medium.k_a, medium.k_s];
+    let closed = Closed::find(graph, &roots, bands, |g, nodes| now.numbers(g, nodes));
+    Shade { closed, field: Field::new(graph, &roots, now.tables) }
+}
+
 /// A ray with what the inputs need.
 #[derive(Clone, Debug)]
 pub(super) struct Ray {
@@ -281,10 +527,15 @@ pub(super) fn with_span(diagnostic: Diagnostic, span: Option<Span>) -> Diagnosti
 /// A coefficient that is negative (`E0650`) or not finite (`E0651`) at a position. `value` and `position` in SI.
 #[must_use]
 pub fn bad_coefficient(medium: &str, span: Option<Span>, field: &str, value: f64, position: Vec3) -> Diagnostic {
+    bad_field(&format!("medium `{medium}`"), span, field, value, position)
+}
+
+/// The same for a field of anything.
+pub(super) fn bad_field(owner: &str, span: Option<Span>, field: &str, value: f64, position: Vec3) -> Diagnostic {
     let [x, y, z] = position;
     let place = format!("at ({x:.6}, {y:.6}, {z:.6}) m");
     let diagnostic = if value < 0.0 && value.is_finite() {
-        Diagnostic::error("E0650", format!("{field} of medium `{medium}` is negative: {value:.6e} {place}"))
+        Diagnostic::error("E0650", format!("{field} of {owner} is negative: {value:.6e} {place}"))
             .hint(format!("clamp it: `{field} = max(0, …)`"))
     } else {
         let what = match value {
@@ -292,7 +543,7 @@ pub fn bad_coefficient(medium: &str, span: Option<Span>, field: &str, value: f64
             v if v.is_finite() => format!("too large ({v:e})"),
             _ => "infinite".to_owned(),
         };
-        Diagnostic::error("E0651", format!("{field} of medium `{medium}` is {what} {place}"))
+        Diagnostic::error("E0651", format!("{field} of {owner} is {what} {place}"))
             .hint("look for a division by zero, a root or logarithm of a negative number, or an overflow there")
     };
     with_span(diagnostic, span)

@@ -1,10 +1,12 @@
 //! The default rule of the language in f64: a fixed number of midpoint steps with the exact exponential inside a step.
 //! Second order on smooth fields; here to measure the backends' convergence against, and independent of them.
 
+use super::compose::Sum;
 use super::field::{Ray, with_span};
 use super::gauss::N;
 use super::panel::constant;
-use super::trace::{BANDS, PerBand, Segment, Sum, Worker};
+use super::scatter::Behind;
+use super::trace::{BANDS, Segment, Worker};
 use super::{ErrorKind, RayResult};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
@@ -15,7 +17,7 @@ pub(super) fn march<V: Voxels + ?Sized>(
     worker: &mut Worker<'_, V>,
     ray: &Ray,
     segments: &[Segment],
-    behind: &PerBand,
+    behind: &Behind,
     steps: u32,
 ) -> Result<RayResult, Diagnostic> {
     let mut result = run(worker, ray, segments, behind, steps)?;
@@ -34,7 +36,7 @@ fn run<V: Voxels + ?Sized>(
     worker: &mut Worker<'_, V>,
     ray: &Ray,
     segments: &[Segment],
-    behind: &PerBand,
+    behind: &Behind,
     steps: u32,
 ) -> Result<RayResult, Diagnostic> {
     let bands = worker.bands;
@@ -57,7 +59,10 @@ fn run<V: Voxels + ?Sized>(
             let lanes = (count - done).min(N as f64) as usize;
             let place = |i: f64| if h.is_finite() { segment.start + h * (i + 0.5) } else { segment.start + 0.5 };
             let ts = std::array::from_fn(|i| place(done + i.min(lanes - 1) as f64));
-            let [sigma, emission] = worker.sample(ray, &segment.active, &ts)?;
+            let [sigma, mut emission] = worker.sample(ray, &segment.active, &ts)?;
+            if segment.scatters {
+                worker.scatter(ray, &segment.active, &ts, (&sigma, &mut emission))?;
+            }
             for lane in 0..lanes {
                 for b in 0..bands {
                     let slice = constant(h, sigma[b][lane], emission[b][lane]);
@@ -70,7 +75,7 @@ fn run<V: Voxels + ?Sized>(
     }
     let optical_depth: Vec<f64> = (0..bands).map(|b| tau[b].get()).collect();
     for b in 0..bands {
-        radiance[b].add((-optical_depth[b]).exp() * behind[b]);
+        radiance[b].add((-optical_depth[b]).exp() * behind.radiance[b]);
     }
     Ok(RayResult {
         radiance: (0..bands).map(|b| radiance[b].get()).collect(),

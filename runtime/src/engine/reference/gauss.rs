@@ -94,8 +94,14 @@ pub(super) struct Decay {
 
 impl Decay {
     pub(super) fn of(c: &Nodes) -> Self {
+        Self::above(c, 0.0)
+    }
+
+    /// The same for values that are only known to within `noise` each, which no division of the panel mends: coefficients
+    /// that such noise explains count as none.
+    pub(super) fn above(c: &Nodes, noise: f64) -> Self {
         let size = c.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let floor = 16.0 * f64::EPSILON * size;
+        let floor = (16.0 * f64::EPSILON * size).max(8.0 * noise);
         let last = c[N - 1].hypot(c[N - 2]);
         if last <= floor || !last.is_finite() {
             let ratio = if last.is_finite() { 0.0 } else { 1.0 };

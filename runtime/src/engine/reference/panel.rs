@@ -65,8 +65,9 @@ fn ends(c: &Nodes) -> (f64, f64) {
     (even - odd, even + odd)
 }
 
-/// Extinction `s` and emission `j` at the nodes of a panel of length `h`; all finite and not negative.
-pub(super) fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
+/// Extinction `s` and emission `j` at the nodes of a panel of length `h`; all finite and not negative. Each `j` is only
+/// known to within `noise`, whose effect on the radiance the caller counts.
+pub(super) fn solve_noisy(h: f64, s: &Nodes, j: &Nodes, noise: f64) -> Slice {
     const SAME: f64 = 4.0 * f64::EPSILON;
     let ((s_min, s_max), (j_min, j_max)) = (range(s), range(j));
     if s_max - s_min <= SAME * s_max && j_max - j_min <= SAME * j_max {
@@ -76,12 +77,12 @@ pub(super) fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
     let c = rule.coefficients(s);
     let emitted = rule.coefficients(j);
     let (sigma_ends, j_ends) = (ends(&c), ends(&emitted));
-    let slice = vary(h, (s, j), (&c, &emitted));
+    let slice = vary(h, (s, j, noise), (&c, &emitted));
     Slice { near: [sigma_ends.0, j_ends.0], far: [sigma_ends.1, j_ends.1], ..slice }
 }
 
 /// The same for values that vary, with the coefficients of both interpolants.
-fn vary(h: f64, (s, j): (&Nodes, &Nodes), (c, emitted): (&Nodes, &Nodes)) -> Slice {
+fn vary(h: f64, (s, j, unknown): (&Nodes, &Nodes, f64), (c, emitted): (&Nodes, &Nodes)) -> Slice {
     let rule = &*RULE;
     let (s_max, j_max) = (range(s).1, range(j).1);
     let decay = Decay::of(c);
@@ -93,9 +94,9 @@ fn vary(h: f64, (s, j): (&Nodes, &Nodes), (c, emitted): (&Nodes, &Nodes)) -> Sli
         return Slice { tau, tau_error, noisy, ..Slice::default() };
     }
     if s_max == 0.0 {
-        let decay = Decay::of(emitted);
+        let decay = Decay::above(emitted, unknown);
         let radiance = h * rule.mean(j);
-        let noisy = decay.last <= 1e-9 * j_max;
+        let noisy = decay.last <= (1e-9 * j_max).max(16.0 * unknown);
         let radiance_error = h * decay.quadrature() + noise * radiance;
         return Slice { radiance, radiance_error, noisy, ..Slice::default() };
     }
@@ -130,9 +131,9 @@ fn vary(h: f64, (s, j): (&Nodes, &Nodes), (c, emitted): (&Nodes, &Nodes)) -> Sli
             (q_seen, 0.0)
         };
         let rest: Nodes = std::array::from_fn(|i| (j[i] - source * s[i]) * e[i]);
-        let rest_decay = Decay::of(&rule.coefficients(&rest));
+        let rest_decay = Decay::above(&rule.coefficients(&rest), unknown);
         let rest_size = h * rule.mean(&rest.map(f64::abs));
-        noisy &= rest_decay.last <= 1e-9 * j_max;
+        noisy &= rest_decay.last <= (1e-9 * j_max).max(16.0 * unknown);
         let inside = h * decay.interpolation();
         let radiance_error =
             h * rest_decay.quadrature() + rest_size * inside + source * (-tau).exp() * tau_error + noise * radiance;
@@ -149,6 +150,10 @@ fn vary(h: f64, (s, j): (&Nodes, &Nodes), (c, emitted): (&Nodes, &Nodes)) -> Sli
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn solve(h: f64, s: &Nodes, j: &Nodes) -> Slice {
+        solve_noisy(h, s, j, 0.0)
+    }
 
     fn nodes(f: impl Fn(f64) -> f64) -> Nodes {
         RULE.x.map(f)

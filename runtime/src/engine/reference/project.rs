@@ -8,7 +8,8 @@
 use super::field::{Ray, Sampler, bad_coefficient, with_span};
 use super::gauss::{Decay, N, Nodes, RULE, monotone, root};
 use super::interval::Intervals;
-use super::trace::{BANDS, MOST, PerBand, Worker, cuts_of, sort_splits, splits_of, thin};
+use super::split::{cuts_of, sort_splits, splits_of, thin};
+use super::trace::{BANDS, MOST, PerBand, Worker};
 use super::{ErrorKind, Options, RayResult};
 use crate::frame::vector::{Vec3, add, dot, normalize, scale};
 use compiler::diagnostic::Diagnostic;
@@ -247,7 +248,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         rtol: f64,
     ) -> Result<(f64, f64), Diagnostic> {
         let length: f64 = inside.0.iter().map(|i| i.1 - i.0).sum();
-        let mut total = super::trace::Sum::default();
+        let mut total = super::compose::Sum::default();
         let (mut size, mut wrong) = (0.0f64, 0.0);
         for interval in &inside.0 {
             let mut walk = self.walk(ray, m, field, *interval);

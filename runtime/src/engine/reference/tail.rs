@@ -1,9 +1,11 @@
 //! The part of a ray that never leaves a medium: uniform media in closed form, others in octaves until the rest is decided.
 
+use super::compose::{Panel, compose};
 use super::field::{Ray, with_span};
 use super::gauss::N;
 use super::panel::{Slice, constant};
-use super::trace::{BANDS, Panel, PerBand, Segment, Worker, compose};
+use super::shade::DARK;
+use super::trace::{BANDS, PerBand, Segment, Worker};
 use super::{Goal, Options};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
@@ -27,8 +29,6 @@ impl Default for Rest {
     }
 }
 
-/// Depth beyond which nothing is seen: e^−760 is 0 in f64.
-const DARK: f64 = 760.0;
 /// First octave, in units.
 const FIRST: f64 = 1.0 / 1024.0;
 /// Nothing is concluded from decay before this distance, in units: a medium may begin far away.
@@ -160,7 +160,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
 }
 
 /// Rest of a series whose last two terms are given, if it decays at least geometrically.
-fn geometric(before: f64, last: f64) -> f64 {
+pub(super) fn geometric(before: f64, last: f64) -> f64 {
     if last == 0.0 && before == 0.0 {
         return 0.0;
     }

@@ -3,5 +3,8 @@
 mod build;
 mod closed;
 mod grids;
+mod paths;
 mod project;
+mod single;
 mod stiff;
+mod surfaces;

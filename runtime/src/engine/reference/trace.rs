@@ -1,20 +1,25 @@
-//! One ray through the transfer equation: segments, panels, refinement, composition.
+//! One ray through the transfer equation: segments and their first panels.
 
-use super::events::Watch;
-use super::field::{Fields, Ray, bad_coefficient};
-use super::gauss::{Decay, N, Nodes, RULE, monotone, root};
+use super::compose::Panel;
+use super::field::{Fields, Ray, bad_field};
+use super::gauss::{N, Nodes, RULE};
 use super::interval::Intervals;
-use super::panel::{Slice, phi, solve};
-use super::shape::negative;
-use super::{ErrorKind, Goal, Options, RayResult};
+use super::panel::{Slice, solve_noisy};
+use super::scatter::{Behind, PLACES};
+use super::shape::{Solid, negative};
+use super::split::{sort_splits, splits_of, thin};
+use super::surface::Meshes;
+use super::tail::Rest;
+use super::{Options, RayResult};
 use crate::frame::vector::scale;
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::{Scratch, Voxels};
+use compiler::source::Span;
 
 /// A scene has at most this many bands.
 pub(super) const BANDS: usize = 4;
 /// Larger coefficients count as infinite: sums and products of a few such still are finite.
-const LARGEST: f64 = 1e280;
+pub(super) const LARGEST: f64 = 1e280;
 /// Lattices with more crossings than this on one stretch are left to the adaptive part.
 pub(super) const MOST: f64 = 100_000.0;
 /// One number per band.
@@ -27,68 +32,34 @@ pub(super) struct Segment {
     pub(super) end: f64,
     /// Indices of media.
     pub(super) active: Vec<usize>,
-    /// None of them varies along the ray.
+    /// Nothing about them varies along the ray.
     pub(super) uniform: bool,
-}
-
-/// A solved stretch.
-#[derive(Clone, Debug)]
-pub(super) struct Panel {
-    pub(super) a: f64,
-    pub(super) h: f64,
-    pub(super) segment: usize,
-    /// Divisions so far that events asked for.
-    pub(super) forced: u8,
-    /// Divisions in a row that gained little.
-    pub(super) stalled: u8,
-    /// Share of the tolerance that its parent had.
-    pub(super) parent: f64,
-    /// Its near end is where a stretch was divided for no reason in the fields: they should be continuous there.
-    pub(super) plain: bool,
-    /// What a jump at either end that no node has seen may add to the errors of depth and radiance.
-    pub(super) seam: [[f64; 2]; BANDS],
-    pub(super) slices: [Slice; BANDS],
-}
-
-impl Panel {
-    fn tau_error(&self, band: usize) -> f64 {
-        self.slices[band].tau_error + self.seam[band][0]
-    }
-
-    fn radiance_error(&self, band: usize) -> f64 {
-        self.slices[band].radiance_error + self.seam[band][1]
-    }
-
-    fn is_exact(&self, band: usize) -> bool {
-        self.slices[band].exact && self.seam[band] == [0.0; 2]
-    }
-
-    /// Dividing it has not helped for long, and what is left looks like rounding.
-    fn is_exhausted(&self, bands: usize) -> bool {
-        self.stalled >= 6
-            && (0..bands).all(|b| {
-                let (s, seam) = (&self.slices[b], &self.seam[b]);
-                (s.noisy || s.exact) && seam[0] <= 1e-9 * s.tau && seam[1] <= 1e-9 * s.radiance
-            })
-    }
-}
-
-/// What each band of a whole ray comes to.
-#[derive(Copy, Clone, Debug, Default)]
-pub(super) struct Totals {
-    pub(super) tau: PerBand,
-    pub(super) radiance: PerBand,
+    /// Some of them scatter light into the ray.
+    pub(super) scatters: bool,
 }
 
 /// State of one thread: registers of the tapes, and what they cost.
 pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) fields: &'r Fields,
     pub(super) voxels: &'r V,
+    pub(super) meshes: Option<&'r dyn Meshes>,
     /// Metres per unit.
     pub(super) metre: f64,
     pub(super) bands: usize,
     /// Registers of each medium's tape: the full one, then the lean one.
-    scratch: [Vec<Scratch>; 2],
+    pub(super) scratch: [Vec<Scratch>; 2],
+    /// The same for the tapes that shadow rays run.
+    pub(super) shade: [Vec<Scratch>; 2],
+    /// Registers of the exponents of closed forms, of phase functions, and of the background.
+    pub(super) closed: Vec<Option<Scratch>>,
+    pub(super) phases: Vec<Option<Scratch>>,
+    pub(super) sky: Scratch,
+    /// k_s of each medium at the nodes that were sampled last, if media scatter.
+    pub(super) k_s: Vec<[Nodes; BANDS]>,
+    /// Where the ray is cut besides: lights' places, and the depths of the scattering segment at hand.
+    marks: Vec<f64>,
+    /// Tolerance of what arrives at a point: relative, of an optical depth absolute.
+    pub(super) inner: f64,
     /// Rough tolerances: cheaper tapes.
     pub(super) lean: bool,
     /// Rougher still: fewer cuts.
@@ -100,34 +71,31 @@ pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) overflow: [bool; BANDS],
 }
 
-/// Sum that keeps what rounding loses (Neumaier), also over infinities.
-#[derive(Copy, Clone, Debug, Default)]
-pub(super) struct Sum(f64, f64);
-
-impl Sum {
-    pub(super) fn add(&mut self, x: f64) {
-        let s = self.0 + x;
-        if s.is_finite() {
-            self.1 += if self.0.abs() >= x.abs() { (self.0 - s) + x } else { (x - s) + self.0 };
-        }
-        self.0 = s;
-    }
-
-    pub(super) fn get(self) -> f64 {
-        if self.0.is_finite() { self.0 + self.1 } else { self.0 }
-    }
-}
-
 impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
-    pub(super) fn new(fields: &'r Fields, voxels: &'r V, metre: f64, bands: usize) -> Self {
-        let scratch =
-            [false, true].map(|lean| fields.media.iter().map(|m| m.field.sampler(lean).tape.scratch()).collect());
+    pub(super) fn new(
+        fields: &'r Fields,
+        voxels: &'r V,
+        meshes: Option<&'r dyn Meshes>,
+        metre: f64,
+        bands: usize,
+    ) -> Self {
+        let media = &fields.media;
+        let scratch = [false, true].map(|lean| media.iter().map(|m| m.field.sampler(lean).tape.scratch()).collect());
+        let shades = || media.iter().filter_map(|m| m.shade.as_ref());
         Self {
             fields,
             voxels,
+            meshes,
             metre,
             bands,
             scratch,
+            shade: [false, true].map(|lean| shades().map(|s| s.field.sampler(lean).tape.scratch()).collect()),
+            closed: shades().map(|s| s.closed.as_ref()?.scratch()).collect(),
+            phases: media.iter().map(|m| Some(m.phase.as_ref()?.scratch())).collect(),
+            sky: fields.background.tape.scratch(),
+            k_s: vec![[[0.0; N]; BANDS]; media.len()],
+            marks: vec![],
+            inner: 0.0,
             lean: false,
             rough: false,
             evaluations: 0,
@@ -139,27 +107,34 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
     /// Where the ray is inside each medium.
     pub(super) fn inside(&mut self, ray: &Ray) -> Result<Vec<Intervals>, Diagnostic> {
         let fields = self.fields;
-        let mut all = vec![];
-        for medium in &fields.media {
-            let mut sdf = |node, within: &Intervals| -> Result<Intervals, Diagnostic> {
-                let tape = &fields.sdf[&node];
-                let mut scratch = tape.scratch();
-                negative(within, |ts| {
-                    fields.run(tape, &mut scratch, self.voxels, ray, ts, false);
-                    self.evaluations += N as u64;
-                    let values = *tape.component(&scratch, 0, 0);
-                    match values.iter().position(|v| v.is_nan()) {
-                        Some(i) => {
-                            let place = scale(ray.at(ts[i]), self.metre);
-                            Err(bad_coefficient(&medium.name, medium.span, "the field of `sdf`", values[i], place))
-                        }
-                        None => Ok(values),
+        fields.media.iter().map(|m| self.intervals(&m.solid, ("medium", &m.name, m.span), ray)).collect()
+    }
+
+    /// Where the ray is inside a shape of something (what, its name and place, for messages).
+    pub(super) fn intervals(
+        &mut self,
+        solid: &Solid,
+        (what, name, span): (&str, &str, Option<Span>),
+        ray: &Ray,
+    ) -> Result<Intervals, Diagnostic> {
+        let fields = self.fields;
+        let mut sdf = |node, within: &Intervals| -> Result<Intervals, Diagnostic> {
+            let tape = &fields.sdf[&node];
+            let mut scratch = tape.scratch();
+            negative(within, |ts| {
+                fields.run(tape, &mut scratch, self.voxels, ray, ts, false);
+                self.evaluations += N as u64;
+                let values = *tape.component(&scratch, 0, 0);
+                match values.iter().position(|v| v.is_nan()) {
+                    Some(i) => {
+                        let place = scale(ray.at(ts[i]), self.metre);
+                        Err(bad_field(&format!("{what} `{name}`"), span, "the field of `sdf`", values[i], place))
                     }
-                })
-            };
-            all.push(medium.solid.intervals(ray.origin, ray.direction, &Intervals::all(), &mut sdf)?);
-        }
-        Ok(all)
+                    None => Ok(values),
+                }
+            })
+        };
+        solid.intervals(ray.origin, ray.direction, &Intervals::all(), &mut sdf)
     }
 
     /// Cuts the ray wherever a medium begins or ends; stretches without media are left out.
@@ -173,8 +148,9 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             let middle = if end.is_finite() { start + 0.5 * (end - start) } else { 2.0 * start + 1.0 };
             let active: Vec<usize> = (0..inside.len()).filter(|m| inside[*m].contains(middle)).collect();
             if !active.is_empty() {
-                let uniform = active.iter().all(|m| self.fields.media[*m].field.uniform);
-                segments.push(Segment { start, end, active, uniform });
+                let scatters = self.fields.scatters && active.iter().any(|m| self.fields.media[*m].scatters);
+                let uniform = !scatters && active.iter().all(|m| self.fields.media[*m].field.uniform);
+                segments.push(Segment { start, end, active, uniform, scatters });
             }
         }
         segments
@@ -198,6 +174,9 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 let width = tape.width(root);
                 for band in 0..self.bands {
                     let values = tape.component(scratch, root, band.min(width - 1));
+                    if root == 1 && self.fields.scatters {
+                        self.k_s[m][band] = values.map(|v| if v <= LARGEST { v } else { 0.0 });
+                    }
                     for (lane, value) in values.iter().enumerate() {
                         if *value >= 0.0 && *value <= LARGEST {
                             into[band][lane] += value;
@@ -205,7 +184,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                             self.overflow[band] = true;
                         } else {
                             let place = scale(ray.at(ts[lane]), self.metre);
-                            return Err(bad_coefficient(&medium.name, medium.span, name, value / self.metre, place));
+                            let owner = format!("medium `{}`", medium.name);
+                            return Err(bad_field(&owner, medium.span, name, value / self.metre, place));
                         }
                     }
                 }
@@ -230,7 +210,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
     }
 
     /// Solves a stretch of a segment, divided where its fields ask for it.
-    fn build(
+    pub(super) fn build(
         &mut self,
         ray: &Ray,
         segments: &[Segment],
@@ -238,15 +218,18 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         (a, h, forced, plain): (f64, f64, u8, bool),
         out: &mut Vec<Panel>,
     ) -> Result<(), Diagnostic> {
-        let active = &segments[segment].active;
+        let Segment { active, scatters, .. } = &segments[segment];
         let mut stack = vec![(a, h, forced, plain)];
         let mut xs = vec![];
         while let Some((a, h, forced, plain)) = stack.pop() {
             let ts = RULE.x.map(|x| a + h * x);
-            let [sigma, emission] = self.sample(ray, active, &ts)?;
+            let [sigma, mut emission] = self.sample(ray, active, &ts)?;
             if forced < 14 && h > 64.0 * f64::EPSILON * a.abs() {
                 xs.clear();
                 self.splits(active, forced, &mut xs);
+                if *scatters && xs.is_empty() {
+                    xs.extend(self.shadow_cuts(ray, a, h)?.into_iter().map(|x| (x, false)));
+                }
                 if !xs.is_empty() {
                     let mut end = 1.0;
                     for (x, plain) in xs.iter().rev().copied().chain([(0.0, plain)]) {
@@ -256,14 +239,23 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     continue;
                 }
             }
-            let mut slices = [Slice::default(); BANDS];
+            let wrong = if *scatters { Some(self.scatter(ray, active, &ts, (&sigma, &mut emission))?) } else { None };
+            let (mut slices, mut inner) = ([Slice::default(); BANDS], [0.0; BANDS]);
             for band in 0..self.bands {
                 // Neutral media: bands are often equal.
                 slices[band] = if band > 0 && sigma[band] == sigma[band - 1] && emission[band] == emission[band - 1] {
                     slices[band - 1]
                 } else {
-                    solve(h, &sigma[band], &emission[band])
+                    let noise = wrong.map_or(0.0, |w| w[band].iter().fold(0.0f64, |m, x| m.max(*x)));
+                    solve_noisy(h, &sigma[band], &emission[band], noise)
                 };
+                // Where nothing can be seen any more, coefficients near the end of f64 overflow to no harm.
+                if self.opaque[band] && !(slices[band].tau.is_finite() && slices[band].radiance.is_finite()) {
+                    slices[band] = Slice { tau: LARGEST, ..Slice::default() };
+                }
+                // Seen through what of the panel lies before it.
+                let reach = if slices[band].tau > 0.0 { super::panel::phi(slices[band].tau) } else { 1.0 };
+                inner[band] = wrong.map_or(0.0, |w| h * reach * w[band].iter().fold(0.0f64, |m, x| m.max(*x)));
             }
             out.push(Panel {
                 a,
@@ -274,8 +266,33 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 parent: f64::INFINITY,
                 plain,
                 seam: [[0.0; 2]; BANDS],
+                inner,
                 slices,
             });
+        }
+        Ok(())
+    }
+
+    /// Where a scattering segment is cut besides: where lights are nearest, and at a few depths from where it begins, since
+    /// of something dense only a skin may be lit and seen that no node would meet.
+    fn mark(&mut self, ray: &Ray, segment: &Segment) -> Result<(), Diagnostic> {
+        self.marks.clear();
+        if !segment.scatters {
+            return Ok(());
+        }
+        let fields = self.fields;
+        fields.lights.iter().for_each(|l| l.beam.cuts(ray, &mut self.marks));
+        // A little inside, should a field be infinite at the very edge.
+        let within = segment.start + 1e-9 * (segment.end - segment.start).min(1.0);
+        let [sigma, _] = self.sample(ray, &segment.active, &[within; N])?;
+        let far = ray.origin.iter().fold(segment.start, |m, x| m.max(x.abs()));
+        for band in 0..self.bands {
+            let k = sigma[band][0];
+            if k * (segment.end - segment.start) > 8.0 {
+                // No nearer than places can be told apart: what is left there counts as uncertain.
+                let least = PLACES * far;
+                self.marks.extend([0.25, 1.0, 3.0, 8.0, 20.0].map(|tau| segment.start + (tau / k).max(least)));
+            }
         }
         Ok(())
     }
@@ -296,7 +313,10 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         }
         let mut cuts = vec![(start, false), (end, false)];
         for &m in active {
-            self.straight(ray, m, (start, end), most, &mut cuts);
+            self.straight(ray, self.fields.media[m].field.sampler(self.lean), (start, end), most, &mut cuts);
+        }
+        if segments[segment].scatters {
+            cuts.extend(self.marks.iter().filter(|t| **t > start && **t < end).map(|t| (*t, false)));
         }
         let cuts = thin(cuts, self.rough);
         let pieces = cuts.len() - 1;
@@ -312,380 +332,50 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         Ok(())
     }
 
-    /// Adds the parameters where a straight node of a medium passes a level.
-    fn straight(&mut self, ray: &Ray, medium: usize, (start, end): (f64, f64), most: f64, cuts: &mut Vec<(f64, bool)>) {
-        let field = self.fields.media[medium].field.sampler(self.lean);
-        let Some(tape) = &field.straight else { return };
-        let mut scratch = tape.scratch();
-        let mut ts = [start; N];
-        ts[1] = end;
-        self.fields.run(tape, &mut scratch, self.voxels, ray, &ts, false);
-        self.evaluations += 2;
-        for (i, levels) in field.levels.iter().enumerate() {
-            let values = tape.component(&scratch, i, 0);
-            cuts_of((values[0], values[1]), (start, end), levels, most, cuts);
-        }
-    }
-
-    /// The transfer equation along a ray before a background.
-    pub(super) fn transfer(&mut self, ray: &Ray, behind: &PerBand, options: &Options) -> Result<RayResult, Diagnostic> {
+    /// Starts a ray: nothing is counted yet.
+    pub(super) fn begin(&mut self, options: &Options) -> Options {
         self.evaluations = 0;
         self.opaque = [false; BANDS];
         self.overflow = [false; BANDS];
         self.lean = options.is_lean();
         self.rough = self.lean && options.rtol >= 5e-4;
-        let inside = self.inside(ray)?;
+        self.tolerances(options)
+    }
+
+    /// The transfer equation along a ray up to a surface, or else to what is behind everything.
+    pub(super) fn transfer(&mut self, ray: &Ray, options: &Options) -> Result<RayResult, Diagnostic> {
+        let options = &self.begin(options);
+        let hit = self.nearest(ray, f64::INFINITY)?;
+        let behind = match &hit {
+            Some(hit) => self.reflected(ray, hit)?,
+            None => Behind { radiance: self.background(ray)?, ..Behind::default() },
+        };
+        let mut inside = self.inside(ray)?;
+        if let Some(hit) = hit {
+            let before = Intervals::of(0.0, hit.t);
+            inside.iter_mut().for_each(|i| *i = i.intersection(&before));
+        }
         let segments = self.segments(&inside);
         if let Some(steps) = options.steps {
-            return super::fixed::march(self, ray, &segments, behind, steps);
+            return super::fixed::march(self, ray, &segments, &behind, steps);
         }
         let mut panels = vec![];
-        let mut rest = super::tail::Rest::default();
+        let mut rest = Rest::default();
         for (i, segment) in segments.iter().enumerate() {
+            self.mark(ray, segment)?;
             if segment.end.is_finite() {
-                self.first(
-                    ray,
-                    &segments,
-                    i,
-                    (segment.start, segment.end),
-                    (if self.rough { 16 } else { 32 }, MOST),
-                    &mut panels,
-                )?;
+                let least = match (segment.scatters, self.rough) {
+                    // Where fields vary they ask for more by themselves.
+                    (true, _) if segment.active.iter().all(|m| self.fields.media[*m].field.uniform) => 4,
+                    (_, true) => 16,
+                    (_, false) => 32,
+                };
+                self.first(ray, &segments, i, (segment.start, segment.end), (least, MOST), &mut panels)?;
             } else {
                 rest = self.tail(ray, &segments, i, &mut panels, options)?;
             }
         }
-        let complete = self.refine(ray, &segments, &mut panels, behind, &rest, options)?;
-        Ok(self.finish(&panels, behind, &rest, complete))
-    }
-
-    /// Divides the panels that spoil the result until its error is within the tolerance. Whether it is (or nothing more can
-    /// be gained in f64).
-    fn refine(
-        &mut self,
-        ray: &Ray,
-        segments: &[Segment],
-        panels: &mut Vec<Panel>,
-        behind: &PerBand,
-        rest: &super::tail::Rest,
-        options: &Options,
-    ) -> Result<bool, Diagnostic> {
-        let bands = self.bands;
-        let mut shares: Vec<f64> = vec![];
-        loop {
-            seams(panels, bands);
-            let totals = compose(panels, behind, bands);
-            shares.clear();
-            for (panel, wrong) in panels.iter().zip(weigh(panels, behind, bands)) {
-                let mut share = 0.0f64;
-                for b in (0..bands).filter(|b| !panel.is_exact(*b)) {
-                    let allowed = (options.rtol * totals.radiance[b]).max(options.atol).max(1e-300);
-                    share = share.max(wrong[b] / allowed);
-                    let tau = totals.tau[b];
-                    if options.goal == Goal::All && tau.is_finite() && !rest.infinite[b] {
-                        let allowed = options.rtol * if tau < 745.0 { tau.min(1.0) } else { tau };
-                        share = share.max(panel.tau_error(b) / allowed.max(1e-300));
-                    }
-                }
-                shares.push(share);
-            }
-            let total: f64 = shares.iter().sum();
-            if total <= 1.0 {
-                return Ok(true);
-            }
-            if self.evaluations > options.max_evaluations {
-                return Ok(false);
-            }
-            let mut order: Vec<usize> = (0..panels.len()).collect();
-            order.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
-            let mut left = total;
-            let mut divide = vec![false; panels.len()];
-            let mut any = false;
-            for i in order {
-                if left <= 0.5 || shares[i] <= 0.0 {
-                    break;
-                }
-                left -= shares[i];
-                let p = &panels[i];
-                if !p.is_exhausted(bands) && p.h.is_finite() && p.h > 8.0 * f64::EPSILON * p.a.abs() && p.h > 1e-290 {
-                    divide[i] = true;
-                    any = true;
-                }
-            }
-            if !any {
-                return Ok(true);
-            }
-            let old = std::mem::take(panels);
-            for (i, p) in old.into_iter().enumerate() {
-                if !divide[i] {
-                    panels.push(p);
-                    continue;
-                }
-                let half = 0.5 * p.h;
-                let stalled = if shares[i] > 0.4 * p.parent { p.stalled + 1 } else { 0 };
-                for (a, plain) in [(p.a, p.plain), (p.a + half, true)] {
-                    let first = panels.len();
-                    self.build(ray, segments, p.segment, (a, half, p.forced, plain), panels)?;
-                    for child in &mut panels[first..] {
-                        child.stalled = stalled;
-                        child.parent = shares[i];
-                    }
-                }
-            }
-        }
-    }
-
-    /// The result with its errors summed.
-    fn finish(&self, panels: &[Panel], behind: &PerBand, rest: &super::tail::Rest, complete: bool) -> RayResult {
-        let bands = self.bands;
-        let totals = compose(panels, behind, bands);
-        let mut closed = rest.exact;
-        let (mut wrong, mut wrong_tau) = ([0.0; BANDS], [0.0; BANDS]);
-        let beyond = behind_each(panels, behind, bands);
-        let weights = weigh(panels, behind, bands);
-        for b in 0..bands {
-            for (p, w) in panels.iter().zip(&weights) {
-                wrong[b] += w[b];
-                wrong_tau[b] += p.tau_error(b);
-                closed &= p.is_exact(b);
-            }
-            // Where a medium begins or ends is rounded relative to its distance: dL/dt there is ±T·σ·(S − L).
-            let mut tau = Sum::default();
-            for (i, p) in panels.iter().enumerate() {
-                let s = &p.slices[b];
-                let starts = i == 0 || panels[i - 1].segment != p.segment;
-                let ends = panels.get(i + 1).is_none_or(|q| q.segment != p.segment);
-                let place = if ends { p.a + p.h } else { p.a };
-                let share = 4.0 * f64::EPSILON * place / p.h;
-                if (starts || ends) && p.h.is_finite() && s.tau.is_finite() {
-                    wrong_tau[b] += s.tau * share;
-                    let contrast = (s.radiance / phi(s.tau) - s.tau * beyond[i][b]).abs();
-                    wrong[b] += (-(tau.get() + s.tau)).exp() * share * contrast;
-                }
-                tau.add(s.tau);
-            }
-            let tau = if rest.infinite[b] { f64::INFINITY } else { totals.tau[b] };
-            let rounding = 4.0 * f64::EPSILON;
-            wrong[b] += rest.radiance[b] + rounding * totals.radiance[b];
-            wrong[b] += (-tau).exp() * behind[b] * rest.tau[b];
-            wrong_tau[b] = if tau.is_finite() { wrong_tau[b] + rest.tau[b] + rounding * tau } else { 0.0 };
-        }
-        let optical_depth: Vec<f64> =
-            (0..bands).map(|b| if rest.infinite[b] { f64::INFINITY } else { totals.tau[b] }).collect();
-        RayResult {
-            radiance: totals.radiance[..bands].to_vec(),
-            transmittance: optical_depth.iter().map(|t| (-t).exp()).collect(),
-            optical_depth,
-            error: wrong[..bands].to_vec(),
-            error_tau: wrong_tau[..bands].to_vec(),
-            error_kind: if closed { ErrorKind::Bound } else { ErrorKind::Estimate },
-            evaluations: self.evaluations,
-            complete,
-        }
-    }
-}
-
-/// Radiance that arrives at the far end of each panel.
-fn behind_each(panels: &[Panel], behind: &PerBand, bands: usize) -> Vec<PerBand> {
-    let mut all = vec![[0.0; BANDS]; panels.len()];
-    let mut beyond = *behind;
-    for (out, p) in all.iter_mut().zip(panels).rev() {
-        *out = beyond;
-        for b in 0..bands {
-            beyond[b] = p.slices[b].radiance + (-p.slices[b].tau).exp() * beyond[b];
-        }
-    }
-    all
-}
-
-/// What the errors of each panel do to the radiance: its own seen through what lies before it, and that of its depth on
-/// everything behind it.
-fn weigh(panels: &[Panel], behind: &PerBand, bands: usize) -> Vec<PerBand> {
-    let mut wrong = behind_each(panels, behind, bands);
-    for b in 0..bands {
-        let mut tau = Sum::default();
-        for (w, p) in wrong.iter_mut().zip(panels) {
-            let s = &p.slices[b];
-            let reach = (-tau.get()).exp();
-            w[b] =
-                if reach > 0.0 { reach * (p.radiance_error(b) + (-s.tau).exp() * w[b] * p.tau_error(b)) } else { 0.0 };
-            tau.add(s.tau);
-        }
-    }
-    wrong
-}
-
-/// What hides between panels: where the interpolants on both sides of a mere division disagree, something jumps between the
-/// last node of one and the first of the other, each at most a fiftieth of its panel away.
-fn seams(panels: &mut [Panel], bands: usize) {
-    const UNSEEN: f64 = 0.02;
-    panels.iter_mut().for_each(|p| p.seam = [[0.0; 2]; BANDS]);
-    for i in 1..panels.len() {
-        let (before, after) = panels.split_at_mut(i);
-        let (p, q) = (&mut before[i - 1], &mut after[0]);
-        if !q.plain || p.segment != q.segment {
-            continue;
-        }
-        for b in 0..bands {
-            let ([s0, j0], [s1, j1]) = (p.slices[b].far, q.slices[b].near);
-            let beyond_noise = |x: f64, size: f64| if x.abs() <= 1e-12 * size.abs() { 0.0 } else { x };
-            let (ds, dj) = (beyond_noise(s1 - s0, s0), beyond_noise(j1 - j0, j0));
-            if ds == 0.0 && dj == 0.0 {
-                continue;
-            }
-            let most = p.slices[b].radiance.max(q.slices[b].radiance);
-            for side in [&mut *p, &mut *q] {
-                let s = &side.slices[b];
-                // A jump of σ with its source changes depth alone.
-                let source = if s.tau > 0.0 { s.radiance / -(-s.tau).exp_m1() } else { 0.0 };
-                side.seam[b][0] += UNSEEN * side.h * ds.abs();
-                side.seam[b][1] += (UNSEEN * side.h * (dj - source * ds).abs()).min(most);
-            }
-        }
-    }
-}
-
-/// Totals of solved panels in order.
-pub(super) fn compose(panels: &[Panel], behind: &PerBand, bands: usize) -> Totals {
-    let mut totals = Totals::default();
-    for b in 0..bands {
-        let (mut tau, mut radiance) = (Sum::default(), Sum::default());
-        for p in panels {
-            radiance.add((-tau.get()).exp() * p.slices[b].radiance);
-            tau.add(p.slices[b].tau);
-        }
-        radiance.add((-tau.get()).exp() * behind[b]);
-        totals.tau[b] = tau.get();
-        totals.radiance[b] = radiance.get();
-    }
-    totals
-}
-
-/// Cuts where a straight quantity passes levels on its way from `g0` at `start` to `g1` at `end`.
-pub(super) fn cuts_of(
-    (g0, g1): (f64, f64),
-    (start, end): (f64, f64),
-    levels: &super::events::Levels,
-    most: f64,
-    cuts: &mut Vec<(f64, bool)>,
-) {
-    if !g0.is_finite() || !g1.is_finite() || g0 == g1 || levels.count(g0.min(g1), g0.max(g1)) > most {
-        return;
-    }
-    levels.visit(g0.min(g1), g0.max(g1), |level| {
-        let t = start + (end - start) * ((level - g0) / (g1 - g0));
-        if t > start && t < end {
-            cuts.push((t, levels.soft));
-        }
-    });
-}
-
-/// Sorts divisions and drops those at the ends and those that coincide.
-pub(super) fn sort_splits(xs: &mut Vec<(f64, bool)>) {
-    xs.retain(|x| x.0 > 1e-12 && x.0 < 1.0 - 1e-12);
-    xs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    xs.dedup_by(|b, a| b.0 - a.0 < 1e-12);
-}
-
-/// Sorts cuts and drops those that coincide, and when rough also two of three in every run of soft ones.
-pub(super) fn thin(mut cuts: Vec<(f64, bool)>, rough: bool) -> Vec<f64> {
-    cuts.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut kept: Vec<f64> = vec![];
-    let mut skipped = 0;
-    for (t, soft) in cuts {
-        if kept.last().is_some_and(|last| t - last <= 4.0 * f64::EPSILON * t.abs()) {
-            continue;
-        }
-        if rough && soft && skipped < 2 {
-            skipped += 1;
-            continue;
-        }
-        skipped = 0;
-        kept.push(t);
-    }
-    kept
-}
-
-/// Where in a panel (0..1) it should be divided for the sake of one watched quantity.
-pub(super) fn splits_of(values: &Nodes, watch: &Watch, forced: u8, lean: bool, out: &mut Vec<(f64, bool)>) {
-    if values.iter().any(|v| !v.is_finite()) {
-        return;
-    }
-    let c = RULE.coefficients(values);
-    let spread: f64 = c[1..].iter().map(|x| x.abs()).sum();
-    if spread <= 1e-14 * c[0].abs() {
-        return;
-    }
-    let (low, high) = (c[0] - spread, c[0] + spread);
-    let decay = Decay::of(&c);
-    let resolved = decay.interpolation() <= 1e-6 * spread || decay.interpolation() <= 1e-13 * c[0].abs();
-    match watch {
-        Watch::Levels(levels) => {
-            let count = levels.count(low, high);
-            if count == 0.0 {
-                return;
-            }
-            if !resolved || count > 64.0 {
-                if forced < if lean { 2 } else { 8 } {
-                    out.push((0.5, true));
-                }
-                return;
-            }
-            let points = monotone(&c);
-            for pair in points.windows(2) {
-                let (p, q) = (pair[0], pair[1]);
-                levels.visit(p.1.min(q.1), p.1.max(q.1), |level| out.push((root(&c, level, p, q), false)));
-            }
-        }
-        Watch::Peak => {
-            // Only where the exponential peaks between the nodes, or before the first or after the last.
-            if forced >= 6 || 2.0 * spread < 4.0 || decay.interpolation() > 0.1 * spread {
-                return;
-            }
-            let points = monotone(&c);
-            let seen = values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(*v));
-            let Some(peak) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)) else { return };
-            if peak.1 - seen < 2.0 {
-                return;
-            }
-            out.push((peak.0, true));
-            beside(&c, &points, peak, |value, drop| value < peak.1 - drop, &[4.0, 30.0], |d| peak.1 - d, out);
-        }
-        Watch::Pole => {
-            let seen = values.iter().fold(f64::INFINITY, |m, v| m.min(v.abs()));
-            if forced >= 6 || !resolved {
-                return;
-            }
-            let sign = c[0].signum();
-            let points = monotone(&c);
-            let Some(pole) = points.iter().copied().min_by(|a, b| (sign * a.1).total_cmp(&(sign * b.1))) else {
-                return;
-            };
-            if sign * pole.1 <= 0.0 || seen < 3.0 * pole.1.abs() {
-                return;
-            }
-            out.push((pole.0, true));
-            let beyond = |value: f64, times: f64| sign * value > times * sign * pole.1;
-            beside(&c, &points, pole, beyond, &[3.0, 40.0], |d| d * pole.1, out);
-        }
-    }
-}
-
-/// Adds the nearest places on both sides of an extremum where the interpolant has moved away by given amounts.
-fn beside(
-    c: &Nodes,
-    points: &[(f64, f64)],
-    middle: (f64, f64),
-    beyond: impl Fn(f64, f64) -> bool,
-    amounts: &[f64],
-    level: impl Fn(f64) -> f64,
-    out: &mut Vec<(f64, bool)>,
-) {
-    for amount in amounts {
-        let right = points.iter().find(|p| p.0 > middle.0 && beyond(p.1, *amount));
-        let left = points.iter().rev().find(|p| p.0 < middle.0 && beyond(p.1, *amount));
-        for side in [left, right].into_iter().flatten() {
-            out.push((root(c, level(*amount), middle, *side), true));
-        }
+        let complete = self.refine(ray, &segments, &mut panels, &behind.radiance, &rest, options)?;
+        Ok(self.finish(&panels, &behind, &rest, complete))
     }
 }

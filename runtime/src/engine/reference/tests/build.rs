@@ -4,8 +4,8 @@ use super::super::{Options, RayResult, Reference};
 use compiler::ir::eval::Voxels;
 use compiler::ir::{
     Aa, Backend, Bands, BandsKind, Binary, Camera, Composite, FieldScene, Filter, Graph, GridId, GridInfo, ImageInfo,
-    Input, Medium, NodeId, Op, Primitive, PrimitiveKind, Projection, RenderInfo, Scattering, Shape, Tonemap, Unary,
-    Units,
+    Input, Light, LightKind, Medium, MeshInfo, NodeId, Op, Primitive, PrimitiveKind, Projection, RenderInfo,
+    Scattering, Shape, Surface, SurfaceShape, Tonemap, Unary, Units,
 };
 use compiler::loader::{GridHeader, Scalar};
 
@@ -29,6 +29,11 @@ pub(super) struct Build {
     pub(super) bands: usize,
     pub(super) shells: Vec<(NodeId, NodeId)>,
     pub(super) composite: Option<Composite>,
+    pub(super) lights: Vec<Light>,
+    pub(super) surfaces: Vec<Surface>,
+    pub(super) meshes: Vec<MeshInfo>,
+    pub(super) environment: bool,
+    pub(super) scattering: Option<Scattering>,
 }
 
 impl Build {
@@ -138,6 +143,66 @@ impl Build {
         self.medium(shape, k_a, k_e);
     }
 
+    /// A medium that scatters, with coefficients as nodes.
+    pub(super) fn scattering(&mut self, shape: Shape, k_a: NodeId, k_s: NodeId, phase: Option<NodeId>) {
+        let zero = self.c(0.0);
+        self.medium(shape, k_a, zero);
+        let medium = self.media.last_mut().unwrap();
+        (medium.k_s, medium.phase) = (k_s, phase);
+    }
+
+    /// The same, uniform.
+    pub(super) fn milk(&mut self, shape: Shape, k_a: f64, k_s: f64, phase: Option<NodeId>) {
+        let (k_a, k_s) = (self.c(k_a), self.c(k_s));
+        self.scattering(shape, k_a, k_s, phase);
+    }
+
+    /// (1 − g²)/(4π·(1 + g² − 2g·cosine)^1.5)
+    pub(super) fn hg(&mut self, g: f64) -> NodeId {
+        let cosine = self.g.input(Input::CosTheta);
+        let x = self.times(-2.0 * g, cosine);
+        let one = self.c(1.0 + g * g);
+        let x = self.g.add(x, one);
+        let power = self.c(1.5);
+        let below = self.g.binary(Binary::Pow, x, power);
+        let above = self.c((1.0 - g * g) / (4.0 * std::f64::consts::PI));
+        self.g.div(above, below)
+    }
+
+    fn light(&mut self, kind: LightKind) {
+        self.lights.push(Light { name: format!("l{}", self.lights.len()), span: None, kind });
+    }
+
+    /// Parallel light that travels along a direction, or a disc of some angular diameter.
+    pub(super) fn sun(&mut self, direction: [f64; 3], irradiance: f64, diameter: Option<f64>) {
+        let direction = self.g.vector(&crate::frame::vector::normalize(direction).unwrap());
+        let irradiance = self.c(irradiance);
+        let angular_diameter = diameter.map(|d| self.c(d));
+        self.light(LightKind::Directional { direction, irradiance, angular_diameter });
+    }
+
+    pub(super) fn lamp(&mut self, at: [f64; 3], intensity: f64, radius: Option<f64>) {
+        let (position, intensity) = (self.g.vector(&at), self.c(intensity));
+        let radius = radius.map(|r| self.c(r));
+        self.light(LightKind::Point { position, intensity, radius });
+    }
+
+    pub(super) fn surface(&mut self, shape: SurfaceShape, albedo: f64) {
+        let albedo = self.c(albedo);
+        self.surfaces.push(Surface { name: format!("s{}", self.surfaces.len()), span: None, shape, albedo });
+    }
+
+    pub(super) fn plane(&mut self, point: [f64; 3], normal: [f64; 3], albedo: f64) {
+        let normal = crate::frame::vector::normalize(normal).unwrap();
+        let (point, normal) = (self.g.vector(&point), self.g.vector(&normal));
+        self.surface(SurfaceShape::Plane { point, normal }, albedo);
+    }
+
+    pub(super) fn disc(&mut self, center: [f64; 3], normal: [f64; 3], radius: f64, albedo: f64) {
+        let (center, normal, radius) = (self.g.vector(&center), self.g.vector(&normal), self.c(radius));
+        self.surface(SurfaceShape::Disc { center, normal, radius }, albedo);
+    }
+
     pub(super) fn scene(mut self, background: f64) -> FieldScene {
         let background = self.c(background);
         let zero = self.c(0.0);
@@ -145,10 +210,10 @@ impl Build {
             (self.g.vector(&[0.0, 0.0, -4.0]), self.g.vector(&[0.0; 3]), self.g.vector(&[0.0, 1.0, 0.0]));
         let fov = self.c(0.7);
         FieldScene {
-            lights: vec![],
-            surfaces: vec![],
-            meshes: vec![],
-            environment: false,
+            lights: self.lights,
+            surfaces: self.surfaces,
+            meshes: self.meshes,
+            environment: self.environment,
             graph: self.g,
             units: Units::METRE,
             bands: Bands { kind: BandsKind::Gray, wavelengths: vec![550e-9; self.bands.max(1)] },
@@ -160,7 +225,7 @@ impl Build {
             image: ImageInfo { size: [16, 12], aa: Aa::None, exposure: zero, tonemap: Tonemap::None },
             render: RenderInfo {
                 backend: Backend::Auto,
-                scattering: Scattering::None,
+                scattering: self.scattering.unwrap_or(Scattering::None),
                 composite: self.composite.unwrap_or(Composite::Radiance),
                 accuracy: 1e-2,
                 steps: None,

@@ -73,10 +73,14 @@ fn linear_density() {
 }
 
 /// Composite Gauss with four points on 2000 panels.
-fn quad(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
+pub(super) fn quad(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
+    panels(f, a, b, 2000)
+}
+
+/// Likewise on `n` panels.
+pub(super) fn panels(f: impl Fn(f64) -> f64, a: f64, b: f64, n: i32) -> f64 {
     let (x, w) =
         ([0.339_981_043_584_856_3, 0.861_136_311_594_052_6], [0.652_145_154_862_546_2, 0.347_854_845_137_453_8]);
-    let n = 2000;
     let h = (b - a) / f64::from(n);
     let panel = |i: i32| {
         let m = a + h * (f64::from(i) + 0.5);

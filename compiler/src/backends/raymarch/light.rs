@@ -1,0 +1,675 @@
+//! Light of lights at a point: what media scatter towards the eye, and what falls on surfaces.
+//!
+//! Every light is a set of samples, each a direction and an irradiance on a plane facing it: one sample for a point or for
+//! parallel light, a spiral over the disc of a sun (Vogel 1979), a Fibonacci lattice over the sphere for an environment
+//! (Swinbank and Purser 2006), there drawn to where the phase function sends light. What a sample brings is attenuated by
+//! e^(−τ) along the way to its light and lost behind a surface.
+
+use super::cache::{Channel, SKY};
+use super::shapes::{FAR, Ray};
+use super::trace::{Tracer, largest, least, widen};
+use crate::fields::{Code, Writer};
+use crate::ir::{Input, Light, LightKind, NodeId};
+use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Prim, Ty};
+use crate::program::{FrameValue, Ledger, OutputKind, StepRule};
+use std::f64::consts::PI;
+
+/// 1 − 1/φ, in turns.
+pub(super) const GOLDEN: f64 = 0.381_966_011_250_105_1;
+/// Phase functions with a mean cosine below this are sampled evenly.
+const NARROW: f64 = 0.3;
+
+/// The function `in_scattered(p, direction)`: ∫ phase · L_in dω for each phase function.
+#[derive(Clone)]
+pub(super) struct InScattered {
+    pub(super) function: FunctionId,
+    pub(super) result: Ty,
+    /// Whether the result is a struct.
+    many: bool,
+    /// Field of the error.
+    pub(super) error: Option<u32>,
+    /// Field of the number of evaluations.
+    pub(super) work: Option<u32>,
+    /// Field that tells which lights are not behind a surface: 2ⁱ for each.
+    pub(super) visible: Option<u32>,
+}
+
+impl InScattered {
+    /// What phase function `i` gathers.
+    pub(super) fn light(&self, gathered: &Expr, i: usize) -> Expr {
+        if self.many { gathered.clone().field(i as u32) } else { gathered.clone() }
+    }
+}
+
+/// The function `shadow(origin, direction, limit, dim)`: optical depth towards a light.
+#[derive(Clone)]
+pub(super) struct Shadow {
+    pub(super) function: FunctionId,
+    pub(super) result: Ty,
+    pub(super) error: Option<u32>,
+    pub(super) work: Option<u32>,
+    /// Whether steps are taken, so that a tolerance matters.
+    pub(super) stepped: bool,
+}
+
+/// One sample of a light.
+pub(super) struct LightSample {
+    /// Unit vector towards the light.
+    pub(super) to: Expr,
+    /// How far media and surfaces count.
+    pub(super) limit: Expr,
+    /// On a plane facing it, in the width of light.
+    pub(super) irradiance: Expr,
+    /// For an environment: whether the sample has an even number.
+    even: Option<Expr>,
+    /// The number of its light, if this is all of it: then a surface cuts it off sharply.
+    sharp: Option<u32>,
+    /// Where its column is kept.
+    pub(super) channel: Channel,
+}
+
+/// Who gathers light.
+pub(super) enum Receiver<'r> {
+    /// A medium with phase functions `from..to`; the eye looks along `direction`.
+    Medium { direction: &'r Expr, narrow: Option<f64> },
+    /// A surface with this normal.
+    Surface { normal: &'r Expr },
+    /// A vertex of a path, which takes one sample of each light at random, and none of the environment.
+    Path { rng: LocalId },
+    /// Asks for lights that shine from one place alone.
+    Sharp,
+}
+
+/// The sums of a gathering function.
+struct Gathered {
+    sums: Vec<LocalId>,
+    /// Sum of the even samples less that of the odd ones, of the brightest band.
+    alternating: Option<LocalId>,
+    error: Option<LocalId>,
+    work: Option<LocalId>,
+    visible: Option<LocalId>,
+}
+
+impl Tracer<'_> {
+    /// Number of samples of an environment or of a disc.
+    fn count(&self, per_accuracy: f64, least: u32, most: u32) -> u32 {
+        match self.rule {
+            StepRule::Adaptive(a) => ((per_accuracy / a).ceil() as u32).clamp(least, most),
+            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => {
+                ((100.0 * per_accuracy).ceil() as u32).clamp(least, most)
+            }
+        }
+    }
+
+    pub(super) fn fract(code: &mut Code, x: Expr) -> Expr {
+        let x = code.bind("turns", Ty::F32, x);
+        x.clone() - Expr::math(Math::Floor, [x])
+    }
+
+    /// Two unit vectors across a third (Duff et al. 2017).
+    pub(super) fn across(code: &mut Code, axis: &Expr) -> (Expr, Expr) {
+        let n = |i| axis.clone().component(i);
+        let sign = code.bind("sign", Ty::F32, n(2).greater_equal(0.0).select(1.0, -1.0));
+        let a = code.bind("a", Ty::F32, Expr::F32(-1.0) / (sign.clone() + n(2)));
+        let b = code.bind("b", Ty::F32, n(0) * n(1) * a.clone());
+        let one = Expr::F32(1.0) + sign.clone() * n(0) * n(0) * a.clone();
+        let u = Expr::Compose(Ty::VEC3, vec![one, sign.clone() * b.clone(), -(sign.clone() * n(0))]);
+        let v = Expr::Compose(Ty::VEC3, vec![b, sign + n(1) * n(1) * a, -n(1)]);
+        (code.bind("u", Ty::VEC3, u), code.bind("v", Ty::VEC3, v))
+    }
+
+    /// The direction at an angle of cosine `mu` from an axis, `turns` around it.
+    pub(super) fn around(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), mu: &Expr, turns: Expr) -> Expr {
+        let angle = code.bind("azimuth", Ty::F32, turns * (2.0 * PI));
+        let rest = (Expr::F32(1.0) - mu.clone() * mu.clone()).max(0.0).sqrt();
+        let rest = code.bind("sine", Ty::F32, rest);
+        let side = frame.0.clone() * (rest.clone() * Expr::math(Math::Cos, [angle.clone()])).splat(3);
+        let other = frame.1.clone() * (rest * Expr::math(Math::Sin, [angle])).splat(3);
+        let to = axis.clone() * mu.clone().splat(3) + side + other;
+        code.bind("to", Ty::VEC3, Expr::math(Math::Normalize, [to]))
+    }
+
+    /// Calls `each` with every sample of every light.
+    pub(super) fn samples(
+        &mut self,
+        code: &mut Code,
+        p: &Expr,
+        receiver: &Receiver<'_>,
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let lw = self.scene.light_width;
+        for (number, light) in (0u32..).zip(self.scene.lights.clone()) {
+            let name = light.name.clone();
+            match light.kind {
+                LightKind::Directional { direction, irradiance, angular_diameter } => {
+                    let travel = self.builder.value(self.graph, direction, &format!("{name}_direction"));
+                    let e = self.builder.value(self.graph, irradiance, &format!("{name}_irradiance"));
+                    let e = widen(e, self.graph.width(irradiance), lw);
+                    let to = code.bind(&format!("to_{name}"), Ty::VEC3, -travel);
+                    let Some(diameter) = angular_diameter else {
+                        let (limit, sharp) = (Expr::F32(FAR), Some(number));
+                        each(
+                            self,
+                            code,
+                            &LightSample {
+                                to,
+                                limit,
+                                irradiance: e,
+                                even: None,
+                                sharp,
+                                channel: Channel::Light(number),
+                            },
+                        );
+                        continue;
+                    };
+                    let diameter = self.builder.value(self.graph, diameter, &format!("{name}_angular_diameter"));
+                    if let Receiver::Sharp = receiver {
+                        continue;
+                    }
+                    if let Receiver::Path { rng } = receiver {
+                        self.disc_point(code, (number, &to), e, &(diameter * 0.5), *rng, each);
+                    } else {
+                        let on_surface = matches!(receiver, Receiver::Surface { .. });
+                        self.disc(code, (number, &to), e, (&(diameter * 0.5), on_surface), each);
+                    }
+                }
+                LightKind::Point { position, intensity, radius } => {
+                    let at = self.builder.value(self.graph, position, &format!("{name}_position"));
+                    let i = self.builder.value(self.graph, intensity, &format!("{name}_intensity"));
+                    let i = widen(i, self.graph.width(intensity), lw);
+                    let way = code.bind(&format!("way_to_{name}"), Ty::VEC3, at - p.clone());
+                    let distance = code.bind("distance", Ty::F32, Expr::math(Math::Length, [way.clone()]));
+                    let near = match radius {
+                        Some(radius) => {
+                            let radius = self.builder.value(self.graph, radius, &format!("{name}_radius"));
+                            distance.clone().max(radius)
+                        }
+                        None => distance.clone(),
+                    };
+                    // At the point itself there is no direction, and no end to the light: it is left out there.
+                    let near = code.bind("near", Ty::F32, near.max(1e-18));
+                    let to = way / distance.clone().max(1e-30).splat(3);
+                    let to = code.bind(&format!("to_{name}"), Ty::VEC3, to);
+                    let e = i / near.clone().splat(lw) / near.splat(lw);
+                    let e = code.bind("irradiance", Ty::float(lw), e.min(Expr::F32(1e30).splat(lw)));
+                    let sharp = Some(number);
+                    each(
+                        self,
+                        code,
+                        &LightSample {
+                            to,
+                            limit: distance,
+                            irradiance: e,
+                            even: None,
+                            sharp,
+                            channel: Channel::Light(number),
+                        },
+                    );
+                }
+            }
+        }
+        if self.scene.environment && matches!(receiver, Receiver::Medium { .. } | Receiver::Surface { .. }) {
+            self.environment(code, receiver, each);
+        }
+    }
+
+    /// A sun with a disc: points of a spiral, each with its share of the light.
+    fn disc(
+        &mut self,
+        code: &mut Code,
+        (number, to): (u32, &Expr),
+        irradiance: Expr,
+        (radius, on_surface): (&Expr, bool),
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let lw = self.scene.light_width;
+        // Where nothing has a sharp edge few samples do, and a ray through a medium mixes those of many places.
+        let count = if on_surface { self.count(0.64, 16, 512) } else { 8 };
+        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
+        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
+        // Of the whole disc, E / (π sin² α) times its solid angle 2π(1 − cos α) is E · 2/(1 + cos α).
+        let share = Expr::F32(2.0 / f64::from(count)) / (Expr::F32(2.0) - cap.clone());
+        let e = code.bind("irradiance", Ty::float(lw), irradiance * share.splat(lw));
+        let frame = Self::across(code, to);
+        let i = code.var("sample", Ty::F32, 0.0);
+        code.open();
+        code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
+        let mu = Expr::F32(1.0) - cap * ((Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
+        let mu = code.bind("mu", Ty::F32, mu);
+        let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
+        let sample = Self::around(code, to, &frame, &mu, turns);
+        each(
+            self,
+            code,
+            &LightSample {
+                to: sample,
+                limit: Expr::F32(FAR),
+                irradiance: e,
+                even: None,
+                sharp: None,
+                channel: Channel::Light(number),
+            },
+        );
+        code.add(i, 1.0);
+        let block = code.close();
+        code.push_loop(block);
+    }
+
+    /// One point of a disc at random, with all of its light.
+    fn disc_point(
+        &mut self,
+        code: &mut Code,
+        (number, to): (u32, &Expr),
+        irradiance: Expr,
+        radius: &Expr,
+        rng: LocalId,
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let lw = self.scene.light_width;
+        let Some(random) = self.random else { return };
+        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
+        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
+        let share = Expr::F32(2.0) / (Expr::F32(2.0) - cap.clone());
+        let e = code.bind("irradiance", Ty::float(lw), irradiance * share.splat(lw));
+        let frame = Self::across(code, to);
+        let u = random.draw(code, rng);
+        let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - cap * u);
+        let turns = random.draw(code, rng);
+        let sample = Self::around(code, to, &frame, &mu, turns);
+        each(
+            self,
+            code,
+            &LightSample {
+                to: sample,
+                limit: Expr::F32(FAR),
+                irradiance: e,
+                even: None,
+                sharp: None,
+                channel: Channel::Light(number),
+            },
+        );
+    }
+
+    fn environment(
+        &mut self,
+        code: &mut Code,
+        receiver: &Receiver<'_>,
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let Some(node) = self.scene.background else { return };
+        let lw = self.scene.light_width;
+        if self.cache.is_some() {
+            return self.kept_environment(code, receiver, node, each);
+        }
+        let count = self.count(0.64, 32, 4096);
+        let axis = match receiver {
+            Receiver::Medium { direction, .. } => (*direction).clone(),
+            Receiver::Surface { normal } => (*normal).clone(),
+            Receiver::Path { .. } | Receiver::Sharp => return,
+        };
+        let frame = Self::across(code, &axis);
+        let i = code.var("sample", Ty::F32, 0.0);
+        code.open();
+        code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
+        let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
+        // The cosine from the axis, and the solid angle that the sample stands for.
+        let (mu, solid) = match receiver {
+            Receiver::Surface { .. } | Receiver::Path { .. } | Receiver::Sharp => {
+                let mu = code.bind("mu", Ty::F32, (Expr::F32(1.0) - u).max(0.0).sqrt());
+                (mu.clone(), Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
+            }
+            Receiver::Medium { narrow: None, .. } => {
+                let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - u * 2.0);
+                (mu, Expr::F32(4.0 * PI / f64::from(count)))
+            }
+            Receiver::Medium { narrow: Some(g), .. } => {
+                // Henyey and Greenstein's lobe, whose distribution has a closed inverse.
+                let g = *g;
+                let s = Expr::F32(1.0 - g * g) / (u * (2.0 * g) + (1.0 - g));
+                let s = code.bind("s", Ty::F32, s);
+                let mu = (Expr::F32(1.0 + g * g) - s.clone() * s.clone()) * (0.5 / g);
+                let mu = code.bind("mu", Ty::F32, Expr::math(Math::Clamp, [mu, (-1.0).into(), 1.0.into()]));
+                // s² = 1 + g² − 2gμ.
+                let density = Expr::F32((1.0 - g * g) / (4.0 * PI)) / (s.clone() * s.clone() * s);
+                (mu, Expr::F32(1.0 / f64::from(count)) / density)
+            }
+        };
+        let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
+        let to = Self::around(code, &axis, &frame, &mu, turns);
+        let value = self.from_ray(code, &to, &[node]).remove(0);
+        let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
+        let e = code.bind("irradiance", Ty::float(lw), e);
+        let half = Expr::Local(i) * 0.5;
+        let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
+        each(
+            self,
+            code,
+            &LightSample {
+                to,
+                limit: Expr::F32(FAR),
+                irradiance: e,
+                even: Some(even),
+                sharp: None,
+                channel: Channel::Sky(i.into()),
+            },
+        );
+        code.add(i, 1.0);
+        let block = code.close();
+        code.push_loop(block);
+    }
+
+    /// The directions whose columns are kept, the same at every place.
+    fn kept_environment(
+        &mut self,
+        code: &mut Code,
+        receiver: &Receiver<'_>,
+        node: NodeId,
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let lw = self.scene.light_width;
+        let solid = match receiver {
+            // So few directions do not integrate every orientation's cosine to π: they are told to.
+            Receiver::Surface { normal } => {
+                let cosines = code.var("cosines", Ty::F32, 1e-3);
+                let j = code.var("direction_number", Ty::F32, 0.0);
+                code.open();
+                code.break_if(Expr::Local(j).greater_equal(f64::from(SKY)));
+                let to = Self::sky_direction(code, &j.into());
+                code.add(cosines, to.dot((*normal).clone()).max(0.0));
+                code.add(j, 1.0);
+                let block = code.close();
+                code.push_loop(block);
+                code.bind("solid", Ty::F32, Expr::F32(PI) / Expr::Local(cosines))
+            }
+            Receiver::Medium { .. } | Receiver::Path { .. } | Receiver::Sharp => Expr::F32(4.0 * PI / f64::from(SKY)),
+        };
+        let i = code.var("sample", Ty::F32, 0.0);
+        code.open();
+        code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
+        let to = Self::sky_direction(code, &i.into());
+        let value = self.from_ray(code, &to, &[node]).remove(0);
+        let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
+        let e = code.bind("irradiance", Ty::float(lw), e);
+        let half = Expr::Local(i) * 0.5;
+        let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
+        let (limit, channel) = (Expr::F32(FAR), Channel::Sky(i.into()));
+        each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), sharp: None, channel });
+        code.add(i, 1.0);
+        let block = code.close();
+        code.push_loop(block);
+    }
+
+    /// Adds what a sample brings, weighted in each sum, unless a surface is in the way.
+    fn gather(&mut self, code: &mut Code, p: &Expr, sample: &LightSample, weights: &[Expr], into: &Gathered) {
+        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
+        let parts = weights.iter().enumerate().map(|(i, w)| {
+            let value = sample.irradiance.clone() * w.clone();
+            code.bind(&format!("part_{i}"), Ty::float(lw), value)
+        });
+        let parts: Vec<Expr> = parts.collect();
+        let most = parts.iter().map(|p| largest(p.clone(), lw)).reduce(Expr::max).unwrap_or(Expr::F32(0.0));
+        let most = code.bind("most", Ty::F32, most);
+        let worth = most.clone().greater(0.0);
+        code.open();
+        if let Some(nearest) = self.nearest {
+            let arguments = vec![p.clone(), sample.to.clone(), Expr::F32(0.0), sample.limit.clone()];
+            let hit = Expr::Call(nearest.function, arguments).field(0);
+            let blocked = code.bind("blocked", Ty::BOOL, hit.less(sample.limit.clone()));
+            code.open();
+            if let (Some(visible), Some(number)) = (into.visible, sample.sharp) {
+                code.add(visible, 2f64.powi(number.min(20) as i32));
+            }
+            self.gather_clear(code, p, sample, &parts, &most, into, (dw, lw));
+            let clear = code.close();
+            code.push_if(!blocked, clear);
+        } else {
+            self.gather_clear(code, p, sample, &parts, &most, into, (dw, lw));
+        }
+        let body = code.close();
+        code.push_if(worth, body);
+    }
+
+    fn gather_clear(
+        &mut self,
+        code: &mut Code,
+        p: &Expr,
+        sample: &LightSample,
+        parts: &[Expr],
+        most: &Expr,
+        into: &Gathered,
+        (dw, lw): (u8, u8),
+    ) {
+        let mut through = None;
+        if let Some(cache) = self.cache.clone() {
+            let (depth, off) = self.look_up(code, &cache, p, sample);
+            let t = code.bind("through", Ty::float(dw), (-depth).exp());
+            if let Some(error) = into.error {
+                let off = Expr::F32(1.0).min(off);
+                code.add(error, most.clone() * largest(t.clone(), dw) * off);
+            }
+            through = Some(widen(t, dw, lw));
+        } else if let Some(shadow) = self.shadow.clone() {
+            let mut arguments = vec![p.clone(), sample.to.clone(), sample.limit.clone()];
+            if shadow.stepped {
+                // Where white is large against what this light brings, its shadow need not be exact.
+                let white = self.builder.frame(FrameValue::White);
+                arguments.push(white / most.clone());
+            }
+            let value = code.bind("shade", shadow.result, Expr::Call(shadow.function, arguments));
+            let depth =
+                if shadow.error.is_some() || shadow.work.is_some() { value.clone().field(0) } else { value.clone() };
+            let t = code.bind("through", Ty::float(dw), (-depth).exp());
+            if let (Some(error), Some(field)) = (into.error, shadow.error) {
+                code.add(error, most.clone() * largest(t.clone(), dw) * value.clone().field(field));
+            }
+            if let (Some(work), Some(field)) = (into.work, shadow.work) {
+                code.add(work, value.field(field));
+            }
+            through = Some(widen(t, dw, lw));
+        }
+        let brought = |part: &Expr| match &through {
+            Some(t) => part.clone() * t.clone(),
+            None => part.clone(),
+        };
+        for (sum, part) in into.sums.iter().zip(parts) {
+            code.add(*sum, brought(part));
+        }
+        if let (Some(alternating), Some(even), [first, ..]) = (into.alternating, &sample.even, parts) {
+            let value = largest(brought(first), lw);
+            code.add(alternating, even.clone().select(value.clone(), -value));
+        }
+    }
+
+    fn declare_sums(&self, code: &mut Code, count: usize) -> Gathered {
+        let lw = self.scene.light_width;
+        let wants_error = self.wants(OutputKind::Error) && !matches!(self.rule, StepRule::Closed);
+        let sums = (0..count).map(|i| code.var(&format!("light_{i}"), Ty::float(lw), Expr::F32(0.0).splat(lw)));
+        let sums = sums.collect();
+        let alternating = self.scene.environment && self.wants(OutputKind::Error);
+        let shadow = self.shadow.as_ref();
+        Gathered {
+            sums,
+            alternating: alternating.then(|| code.var("alternating", Ty::F32, 0.0)),
+            error: (alternating
+                || (wants_error && self.cache.is_some())
+                || (wants_error && shadow.is_some_and(|s| s.error.is_some())))
+            .then(|| code.var("error", Ty::F32, 0.0)),
+            work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
+            visible: None,
+        }
+    }
+
+    /// Returns the sums, with error and work where they are kept.
+    fn return_sums(&mut self, mut code: Code, name: &str, gathered: &Gathered, values: Vec<Expr>) -> InScattered {
+        let lw = self.scene.light_width;
+        if let (Some(error), Some(alternating)) = (gathered.error, gathered.alternating) {
+            // Half the samples alone would be wrong by about half this difference, all of them by less.
+            code.add(error, Expr::Local(alternating).abs() * 0.25);
+        }
+        let count = values.len() as u32;
+        let extra = [
+            gathered.error.map(|e| ("error", e)),
+            gathered.work.map(|w| ("work", w)),
+            gathered.visible.map(|v| ("visible", v)),
+        ];
+        let many = count > 1 || extra.iter().any(Option::is_some);
+        if !many {
+            let result = Ty::float(lw);
+            code.return_(values.into_iter().next().unwrap_or(Expr::F32(0.0)));
+            let function = self.builder.add_function(code.finish(Some(result)));
+            return InScattered { function, result, many, error: None, work: None, visible: None };
+        }
+        let mut fields: Vec<(String, Ty)> = (0..count).map(|i| (format!("light_{i}"), Ty::float(lw))).collect();
+        let mut values = values;
+        let mut place = [None, None, None];
+        for (slot, extra) in place.iter_mut().zip(extra) {
+            if let Some((name, var)) = extra {
+                *slot = Some(fields.len() as u32);
+                fields.push((name.to_owned(), Ty::F32));
+                values.push(var.into());
+            }
+        }
+        let result = self.builder.add_struct(name, fields);
+        code.return_(Expr::Compose(result, values));
+        let function = self.builder.add_function(code.finish(Some(result)));
+        InScattered { function, result, many, error: place[0], work: place[1], visible: place[2] }
+    }
+
+    /// Writes `in_scattered`, if some medium scatters light of some light.
+    pub(super) fn write_in_scattered(&mut self, ledger: &mut Ledger) -> Option<InScattered> {
+        if self.scene.phases.is_empty() || !self.wants(OutputKind::Radiance) {
+            return None;
+        }
+        let lw = self.scene.light_width;
+        let functions = self.phase_functions();
+        let mut code = Code::new("in_scattered", None);
+        let p = code.parameter("p", Ty::VEC3);
+        let direction = code.parameter("direction", Ty::VEC3);
+        let mut gathered = self.declare_sums(&mut code, functions.len());
+        if self.nearest.is_some() && !self.scene.lights.is_empty() && matches!(self.rule, StepRule::Adaptive(_)) {
+            gathered.visible = Some(code.var("visible", Ty::F32, 0.0));
+        }
+        let means = self.scene.phases.iter().map(|f| f.mean_cosine);
+        let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });
+        let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-0.98, 0.98));
+        let receiver = Receiver::Medium { direction: &direction, narrow };
+        self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
+            let mut weights = vec![];
+            for (function, phase) in functions.iter().zip(&this.scene.phases) {
+                let Some(function) = function else {
+                    weights.push(Expr::F32(0.25 / PI).splat(lw));
+                    continue;
+                };
+                let arguments = this.phase_arguments(code, function, &p, &sample.to, &direction);
+                let width = phase.node.map_or(1, |n| this.graph.width(n));
+                let value = Expr::Call(function.id, arguments);
+                weights.push(widen(
+                    code.bind("phase", Ty::float(width), value.max(Expr::F32(0.0).splat(width))),
+                    width,
+                    lw,
+                ));
+            }
+            this.gather(code, &p, sample, &weights, &gathered);
+        });
+        if self.scene.lights.is_empty() {
+            ledger.omit("light of suns and lamps", "the environment is the only light", None);
+        }
+        let values = gathered.sums.iter().map(|s| Expr::Local(*s)).collect();
+        Some(self.return_sums(code, "InScattered", &gathered, values))
+    }
+
+    /// Writes `visible(p)`: which lights that shine from one place are not behind a surface, 2ⁱ for each.
+    pub(super) fn write_visible(&mut self) -> Option<FunctionId> {
+        let nearest = self.nearest?;
+        self.in_scattered.as_ref()?.visible?;
+        let mut code = Code::new("visible", None);
+        let p = code.parameter("p", Ty::VEC3);
+        let sum = code.var("visible", Ty::F32, 0.0);
+        // An environment and discs are cut off softly.
+        let receiver = Receiver::Sharp;
+        self.samples(&mut code, &p, &receiver, &mut |_, code, sample| {
+            let Some(number) = sample.sharp else { return };
+            let arguments = vec![p.clone(), sample.to.clone(), Expr::F32(0.0), sample.limit.clone()];
+            let hit = Expr::Call(nearest.function, arguments).field(0);
+            let clear = hit.greater_equal(sample.limit.clone());
+            code.add(sum, clear.select(2f64.powi(number.min(20) as i32), 0.0));
+        });
+        code.return_(sum.into());
+        Some(self.builder.add_function(code.finish(Some(Ty::F32))))
+    }
+
+    /// Writes `reflected(p, normal, sheet)`: albedo · E / π of the surface that was hit.
+    pub(super) fn write_reflected(&mut self) -> Option<InScattered> {
+        if self.scene.sheets.iter().all(|s| s.albedo.is_none())
+            || !self.scene.is_lit()
+            || !self.wants(OutputKind::Radiance)
+        {
+            return None;
+        }
+        let lw = self.scene.light_width;
+        let mut code = Code::new("reflected", None);
+        let p = code.parameter("p", Ty::VEC3);
+        let normal = code.parameter("normal", Ty::VEC3);
+        let which = code.parameter("sheet", Ty::U32);
+        let albedo = code.var("albedo", Ty::float(lw), Expr::F32(0.0).splat(lw));
+        for (i, sheet) in self.scene.sheets.iter().enumerate() {
+            let Some(node) = sheet.albedo else { continue };
+            code.open();
+            let mut writer = Writer::new(self.graph, &self.scene.tiers);
+            writer.know_input(Input::Position, p.clone());
+            let value = writer.write(self.builder, &mut code, &[node]).remove(0);
+            code.set(albedo, widen(value, self.graph.width(node), lw));
+            let body = code.close();
+            code.push_if(which.clone().equal(i as u32), body);
+        }
+        let gathered = self.declare_sums(&mut code, 1);
+        let receiver = Receiver::Surface { normal: &normal };
+        self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
+            let cosine = code.bind("cosine", Ty::F32, sample.to.clone().dot(normal.clone()).max(0.0));
+            this.gather(code, &p, sample, &[cosine.splat(lw)], &gathered);
+        });
+        let share = Expr::Local(albedo) * Expr::F32(1.0 / PI).splat(lw);
+        if let Some(error) = gathered.error {
+            code.set(error, Expr::Local(error) * (1.0 / PI));
+        }
+        let values = vec![Expr::Local(gathered.sums[0]) * share];
+        Some(self.return_sums(code, "Reflected", &gathered, values))
+    }
+
+    /// Radiance of the discs of suns, for a ray that nothing stops.
+    pub(super) fn discs(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
+        let lw = self.scene.light_width;
+        let mut sum: Option<Expr> = None;
+        for Light { name, kind, .. } in self.scene.lights.clone() {
+            let LightKind::Directional { direction, irradiance, angular_diameter: Some(diameter) } = kind else {
+                continue;
+            };
+            let travel = self.builder.value(self.graph, direction, &format!("{name}_direction"));
+            let e = self.builder.value(self.graph, irradiance, &format!("{name}_irradiance"));
+            let diameter = self.builder.value(self.graph, diameter, &format!("{name}_angular_diameter"));
+            let off = code.bind("off", Ty::VEC3, ray.direction.clone() + travel);
+            let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [diameter.clone() * 0.25]));
+            let sine = code.bind("sine", Ty::F32, Expr::math(Math::Sin, [diameter * 0.5]));
+            // |d − s|² = 4 sin²(angle/2).
+            let inside = off.clone().dot(off).less(half.clone() * half * 4.0);
+            let radiance = Expr::F32(1.0) / (sine.clone() * sine * PI).max(1e-30);
+            let shown = inside.select(radiance, 0.0).splat(lw) * widen(e, self.graph.width(irradiance), lw);
+            let shown = code.bind(&format!("{name}_disc"), Ty::float(lw), shown);
+            sum = Some(match sum {
+                Some(sum) => sum + shown,
+                None => shown,
+            });
+        }
+        sum
+    }
+
+    /// The least optical depth, for a test whether anything behind can be seen.
+    pub(super) fn thinnest(&self, depth: LocalId) -> Expr {
+        least(depth.into(), self.scene.depth_width)
+    }
+
+    /// A count in f32 as u32.
+    pub(super) fn counted(value: Expr) -> Expr {
+        value.convert(Prim::U32)
+    }
+}
