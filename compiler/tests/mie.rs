@@ -138,7 +138,7 @@ fn nothing_breaks_at_any_size() {
             let sphere = Sphere::new(x, n, k);
             let what = format!("m = {n} + {k}i, x = {x}");
             let (q, a, g) = (sphere.q_scattering(), sphere.q_absorption(), sphere.asymmetry());
-            assert!(q > 0.0 && q < 6.0 && a >= 0.0 && a < 6.0, "{what}: {q} and {a}");
+            assert!(q > 0.0 && q < 6.0 && (0.0..6.0).contains(&a), "{what}: {q} and {a}");
             assert!((k == 0.0) == (a == 0.0), "{what}: {a}");
             assert!(g > -0.5 && g < 1.0, "{what}: g = {g}");
             // While the sphere is small, more size scatters and absorbs more.
