@@ -6,12 +6,12 @@
 //! the eye ray it is (−w)·(−d).
 
 use super::Options;
+use super::faces::mix;
 use super::field::{Ray, bad_coefficient};
 use super::gauss::N;
 use super::gauss::Nodes;
 use super::light::{Arrival, Beam};
 use super::shade::Depth;
-use super::shape::mix;
 use super::sphere::{OfDirection, Values, changes, over_cap};
 use super::surface::{Hit, Spot, SurfaceForm};
 use super::trace::{BANDS, PerBand, Worker};

@@ -4,8 +4,8 @@
 //! divided where the decay of their coefficients asks for it; panels are cut where the signature of the integrand changes,
 //! which is where a direction begins to meet something else.
 
+use super::faces::mix;
 use super::gauss::{Decay, N, Nodes, RULE};
-use super::shape::mix;
 use super::split::sort_splits;
 use super::trace::{BANDS, PerBand};
 use crate::frame::vector::{Vec3, cross, dot, normalize};
