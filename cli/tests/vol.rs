@@ -526,6 +526,23 @@ fn fmt_writes_only_what_changes() {
     assert_eq!(broken.vol(&["fmt", "b.vol"]).code, 1);
 }
 
+/// What people read first is in the one format.
+#[test]
+fn every_scene_that_is_shipped_is_formatted() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("cli/ lies in the project");
+    let mut scenes = vec![];
+    for folder in ["library", "examples", "cli/src/commands"] {
+        let entries = fs::read_dir(root.join(folder)).expect("the folder is there");
+        let paths = entries.map(|e| e.expect("a folder can be listed").path());
+        let found: Vec<_> = paths.filter(|p| p.extension().is_some_and(|e| e == "vol")).collect();
+        assert!(!found.is_empty(), "no scene in {folder}");
+        scenes.extend(found.iter().map(|p| p.to_str().expect("UTF-8").to_owned()));
+    }
+    let arguments: Vec<&str> = ["fmt", "--check"].into_iter().chain(scenes.iter().map(String::as_str)).collect();
+    let run = Place::new().vol(&arguments).done();
+    assert_eq!(run.out, "");
+}
+
 // ---- explain, doctor, new ----
 
 #[test]

@@ -5,7 +5,7 @@ use compiler::loader::NoFiles;
 use compiler::{Options, compile};
 
 /// Compiles a text for pictures and for probes, and writes the shaders; whether there were any.
-pub fn check(bytes: &[u8]) -> bool {
+pub(crate) fn check(bytes: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(bytes) else { return false };
     let mut drawn = false;
     for options in [Options::default(), Options::probe()] {

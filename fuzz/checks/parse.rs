@@ -5,7 +5,7 @@ use compiler::source::SourceId;
 use compiler::syntax::{format, parse};
 
 /// Reads a text, formats it and reads it again; whether it was without error.
-pub fn check(bytes: &[u8]) -> bool {
+pub(crate) fn check(bytes: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(bytes) else { return false };
     let mut diagnostics = Diagnostics::default();
     let module = parse(SourceId(0), text, &mut diagnostics);

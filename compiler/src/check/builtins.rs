@@ -25,6 +25,11 @@ impl Checker<'_> {
         {
             return self.gradient(f, x, span, scope);
         }
+        if let Builtin::Mie | Builtin::MieScattering | Builtin::MieAbsorption | Builtin::MieExtinction =
+            signature.builtin
+        {
+            return self.mie(signature, bound, span, scope);
+        }
         let outside = scope.context.inputs;
         if signature.builtin == Builtin::Sdf {
             scope.context.inputs = SDF_INPUTS;
@@ -225,7 +230,11 @@ impl Checker<'_> {
             | Builtin::Difference => builtin(signature, values, Ty::Shape, span),
             Builtin::Translate => builtin(signature, values, Ty::Transform, span),
             // Handled before its arguments are checked.
-            Builtin::Gradient => failed,
+            Builtin::Gradient
+            | Builtin::Mie
+            | Builtin::MieScattering
+            | Builtin::MieAbsorption
+            | Builtin::MieExtinction => failed,
         }
     }
 

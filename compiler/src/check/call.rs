@@ -52,9 +52,6 @@ impl Checker<'_> {
                 Value::error(span)
             }
             Named::Nothing => {
-                if name == "mie" {
-                    return self.no_mie(span);
-                }
                 self.unknown(name, function.span, scope, true);
                 self.look_into(arguments, scope);
                 Value::error(span)

@@ -494,6 +494,10 @@ impl Evaluator<'_> {
                 Numbers::many(&[value(0), value(1), value(2)]).map(Known::Numbers)
             }
             Builtin::Gradient
+            | Builtin::Mie
+            | Builtin::MieScattering
+            | Builtin::MieAbsorption
+            | Builtin::MieExtinction
             | Builtin::CellHash
             | Builtin::CellHash3
             | Builtin::Sphere

@@ -221,6 +221,14 @@ pub enum Builtin {
     Opacity,
     /// (f, x): the exact derivative of a scalar expression with respect to a Vec3; when f is a grid the first argument is `Sample(grid, x)`
     Gradient,
+    // Scattering by spheres.
+    /// (radius, n, k, spread, cos_theta): a phase function, one value per band
+    Mie,
+    /// (radius, n, k, spread): an area per particle, one value per band
+    MieScattering,
+    MieAbsorption,
+    MieExtinction,
+    // Noise.
     /// (cell, seed): three uniform numbers, a Vec3
     CellHash3,
     /// (cell, seed): the first of them

@@ -14,6 +14,7 @@ mod expression;
 mod function;
 pub mod hir;
 mod items;
+mod mie;
 mod name;
 mod operators;
 mod phase;

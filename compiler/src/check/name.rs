@@ -101,9 +101,6 @@ impl Checker<'_> {
                 Value::error(span)
             }
             Named::Nothing => {
-                if name == "mie" {
-                    return self.no_mie(span);
-                }
                 self.unknown(name, span, scope, false);
                 Value::error(span)
             }
@@ -259,16 +256,6 @@ impl Checker<'_> {
             Some(near) => problem.hint(format!("did you mean `{near}`?")),
             None => problem,
         });
-    }
-
-    /// `mie` is part of the language and not there yet.
-    pub(super) fn no_mie(&mut self, span: Span) -> Value {
-        self.report(
-            Diagnostic::error("E0911", "the phase function `mie` is not there yet")
-                .at(span, "needs tables that cannot be computed yet")
-                .hint("`draine(g: …, alpha: …)` or `henyey_greenstein(g: …)` come close for many particles"),
-        );
-        Value::error(span)
     }
 
     /// The type of a scalar or vector value, if it is one.

@@ -48,6 +48,19 @@ const X: &[Parameter] = &[any("x", "number")];
 const ANY_X: &[Parameter] = &[any("x", "any")];
 const AB: &[Parameter] = &[any("a", "any"), any("b", "any")];
 const SHAPES: &[Parameter] = &[typed("a", Ty::Shape, "shape")];
+const SPHERES: &[Parameter] = &[
+    any("radius", "length"),
+    any("index", "number or vec2"),
+    optional(any("spread", "number")),
+    optional(any("k", "number")),
+];
+const SPHERES_AT: &[Parameter] = &[
+    any("radius", "length"),
+    any("index", "number or vec2"),
+    optional(any("spread", "number")),
+    optional(any("k", "number")),
+    optional(typed("cos_theta", NUMBER, "number")),
+];
 const REGION: &[Parameter] = &[any("region", "grid or shape")];
 
 const fn plain(
@@ -117,6 +130,10 @@ pub(super) const SIGNATURES: &[Signature] = &[
     plain("layer", Builtin::Layer, &[typed("color", Ty::Color, "color"), typed("k", Ty::scalar(Dim::COEFFICIENT), "1/length")], "layer"),
     plain("opacity", Builtin::Opacity, &[typed("a", NUMBER, "number"), typed("per", LENGTH, "length")], "1/length"),
     plain("gradient", Builtin::Gradient, &[any("f", "field or grid"), any("p", "vec3<any>")], "vec3<any>"),
+    plain("mie", Builtin::Mie, SPHERES_AT, "spectrum"),
+    plain("mie_scattering", Builtin::MieScattering, SPHERES, "spectrum<length^2>"),
+    plain("mie_absorption", Builtin::MieAbsorption, SPHERES, "spectrum<length^2>"),
+    plain("mie_extinction", Builtin::MieExtinction, SPHERES, "spectrum<length^2>"),
     plain("cell_hash", Builtin::CellHash, &[typed("cell", VECTOR, "vec3"), optional(typed("seed", NUMBER, "number"))], "number"),
     plain("cell_hash3", Builtin::CellHash3, &[typed("cell", VECTOR, "vec3"), optional(typed("seed", NUMBER, "number"))], "vec3"),
     plain("sphere", Builtin::Sphere, &[typed("center", POINT, "vec3<length>"), typed("radius", LENGTH, "length")], "shape"),

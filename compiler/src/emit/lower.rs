@@ -31,7 +31,8 @@ pub(super) struct Lowering<'a> {
     module: Module,
     names: Names,
     types: Types,
-    globals: Vec<Handle<naga::GlobalVariable>>,
+    /// By number of the resource; `None` where this kernel does not use it.
+    globals: Vec<Option<Handle<naga::GlobalVariable>>>,
     functions: Vec<Handle<naga::Function>>,
     function_names: Vec<String>,
     field_names: Vec<Vec<String>>,
@@ -92,7 +93,12 @@ pub(super) fn lower(kernel: &Kernel) -> Result<Lowered, EmitError> {
 
 impl Lowering<'_> {
     fn resources(&mut self) {
+        let used = crate::program::used_resources(self.kernel);
         for (binding, r) in self.kernel.resources.iter().enumerate() {
+            if !used[binding] {
+                self.globals.push(None);
+                continue;
+            }
             let storage = |access| AddressSpace::Storage { access };
             let (space, ty) = match r.kind {
                 ResourceKind::Uniform(s) => (AddressSpace::Uniform, self.types.get(&mut self.module, Ty::Struct(s))),
@@ -113,7 +119,7 @@ impl Lowering<'_> {
                 init: None,
                 memory_decorations: naga::MemoryDecorations::empty(),
             };
-            self.globals.push(self.module.global_variables.append(global, naga::Span::UNDEFINED));
+            self.globals.push(Some(self.module.global_variables.append(global, naga::Span::UNDEFINED)));
         }
     }
 
@@ -545,7 +551,8 @@ impl FunctionLowering<'_, '_> {
         if let Some(handle) = self.global_handles[index] {
             return handle;
         }
-        let handle = self.body.add(Expression::GlobalVariable(self.of.globals[index]), &[]);
+        let global = self.of.globals[index].expect("a resource that is named was found in use");
+        let handle = self.body.add(Expression::GlobalVariable(global), &[]);
         self.global_handles[index] = Some(handle);
         handle
     }

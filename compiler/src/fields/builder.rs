@@ -49,6 +49,8 @@ impl KernelBuilder {
             FrameValue::FirstPath => ("first_path", 1, true),
             FrameValue::Seed => ("seed", 1, true),
             FrameValue::Rounds => ("rounds", 1, true),
+            FrameValue::CacheLow => ("cache_low", 3, false),
+            FrameValue::CacheSize => ("cache_size", 1, false),
             FrameValue::PixelScale => ("pixel_scale", 1, false),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
@@ -98,6 +100,11 @@ impl KernelBuilder {
         self.resource(&format!("mesh_{}_nodes", mesh.0), ResourceKind::ReadBuffer(Ty::U32), Binding::Mesh(mesh))
     }
 
+    /// Columns of light that are kept.
+    pub fn cache(&mut self) -> u32 {
+        self.resource("columns", ResourceKind::WriteBuffer(Ty::F32), Binding::Cache)
+    }
+
     /// The list of rays.
     pub fn rays(&mut self) -> u32 {
         self.resource("rays", ResourceKind::ReadBuffer(Ty::F32), Binding::Rays)
@@ -145,9 +152,9 @@ impl KernelBuilder {
         Expr::Call(self.helper(graph, helper), arguments.into())
     }
 
-    /// The kernel, what to bind to it, and the contents of its uniform block.
+    /// The kernels (each a name, a workgroup and an entry point), what to bind to them, and the contents of their uniform block.
     #[must_use]
-    pub fn finish(mut self, name: &str, workgroup: [u32; 3], entry: Function) -> (Kernel, Vec<Binding>, UniformLayout) {
+    pub fn finish(mut self, entries: Vec<(&str, [u32; 3], Function)>) -> (Vec<Kernel>, Vec<Binding>, UniformLayout) {
         let layout = UniformLayout::new(self.uniforms.iter().cloned());
         let prim =
             |integer: bool| if integer { crate::program::kernel::Prim::U32 } else { crate::program::kernel::Prim::F32 };
@@ -159,15 +166,19 @@ impl KernelBuilder {
             resources.push(resource);
             bindings.push(binding);
         }
-        let kernel = Kernel {
-            name: name.to_owned(),
-            workgroup,
-            structs: self.structs,
-            resources,
-            functions: self.functions,
-            entry,
-        };
-        (kernel, bindings, layout)
+        let kernels = entries.into_iter().map(|(name, workgroup, entry)| {
+            let mut kernel = Kernel {
+                name: name.to_owned(),
+                workgroup,
+                structs: self.structs.clone(),
+                resources: resources.clone(),
+                functions: self.functions.clone(),
+                entry,
+            };
+            crate::program::prune(&mut kernel);
+            kernel
+        });
+        (kernels.collect(), bindings, layout)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The prelude: mathematics, vectors, spectra, derivatives. Regions are in `shape`, transforms in `space`.
 
+use super::mie::Mie;
 use super::{Lowered, Lowerer, MAX_NODES, MAX_VISITS, Value};
 use crate::check::hir::{self, Builtin, Type};
 use crate::diagnostic::Diagnostic;
@@ -38,6 +39,10 @@ impl<'s> Lowerer<'s, '_> {
             Builtin::Translate | Builtin::Rotate | Builtin::Scale => {
                 self.transform(builtin, arguments).map(|t| Value::Transform(Box::new(t)))
             }
+            Builtin::Mie => self.mie(span, Mie::Phase, arguments).map(Value::Node),
+            Builtin::MieScattering => self.mie(span, Mie::Scattering, arguments).map(Value::Node),
+            Builtin::MieAbsorption => self.mie(span, Mie::Absorption, arguments).map(Value::Node),
+            Builtin::MieExtinction => self.mie(span, Mie::Extinction, arguments).map(Value::Node),
             Builtin::Layer => {
                 let color = self.node(&arguments[0])?;
                 let k = self.scalar(&arguments[1])?;
@@ -251,6 +256,10 @@ impl<'s> Lowerer<'s, '_> {
             }
             Builtin::Layer
             | Builtin::Gradient
+            | Builtin::Mie
+            | Builtin::MieScattering
+            | Builtin::MieAbsorption
+            | Builtin::MieExtinction
             | Builtin::Sphere
             | Builtin::Ellipsoid
             | Builtin::Box
@@ -432,5 +441,7 @@ fn least_arguments(builtin: Builtin) -> usize {
         | Builtin::Slab
         | Builtin::Cylinder
         | Builtin::Shell => 3,
+        Builtin::MieScattering | Builtin::MieAbsorption | Builtin::MieExtinction => 4,
+        Builtin::Mie => 5,
     }
 }

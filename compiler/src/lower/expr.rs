@@ -463,8 +463,13 @@ impl<'s> Lowerer<'s, '_> {
 
     /// The number a node is, loops and tables over constants included.
     fn known(&mut self, node: NodeId) -> Option<f64> {
-        if let Some(value) = self.number(node) {
-            return Some(value);
+        self.known_components(node).and_then(|v| v.first().copied())
+    }
+
+    /// The numbers a node is, loops and tables over constants included.
+    pub(super) fn known_components(&mut self, node: NodeId) -> Option<Vec<f64>> {
+        if let Some(value) = self.constant(node) {
+            return Some(value.values());
         }
         let live = self.graph.reachable(&[node]);
         self.visits += live.len() / 8;
@@ -477,11 +482,12 @@ impl<'s> Lowerer<'s, '_> {
         if self.graph.ids().any(|id| live[id.0 as usize] && open(id)) {
             return None;
         }
-        eval::evaluate_frame(&self.graph, &[node], &[], 0.0).first().and_then(|v| v.first()).copied()
+        // Tables that the node does not read may follow params; they are evaluated with the rest.
+        eval::evaluate_frame(&self.graph, &[node], &self.defaults(), 0.0).pop()
     }
 
     /// The place that makes an expression what it is: through arguments to the call that gave them.
-    fn trace(&self, expr: &'s hir::Expr, frame: usize, depth: usize) -> (Span, &'static str) {
+    pub(super) fn trace(&self, expr: &'s hir::Expr, frame: usize, depth: usize) -> (Span, &'static str) {
         let here = (expr.span, "this is not known when compiling");
         if depth > 64 {
             return here;
@@ -679,7 +685,7 @@ impl<'s> Lowerer<'s, '_> {
     }
 
     /// Makes nodes that do not count towards the limit: the source text already bounds their number.
-    fn free(&mut self, make: impl FnOnce(&mut crate::ir::Graph) -> NodeId) -> NodeId {
+    pub(super) fn free(&mut self, make: impl FnOnce(&mut crate::ir::Graph) -> NodeId) -> NodeId {
         let before = self.graph.len();
         let node = make(&mut self.graph);
         self.free_nodes += self.graph.len() - before;

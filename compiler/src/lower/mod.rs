@@ -11,7 +11,7 @@
 //! - `shape`: regions, their bounding boxes as nodes (`center`, `size` …) and as numbers (framing, scale).
 //! - `scene`: media, background, camera, projections.
 //! - `light`: lights and surfaces.
-//! - `phase`: phase functions and their normalisation.
+//! - `phase`: phase functions and their normalisation; `mie`: those of spheres.
 //! - `pending`: what is checked but not drawn yet.
 //!
 //! Work is bounded: nodes, visits, nesting and loop iterations are counted, and a scene beyond the limits is an error.
@@ -20,6 +20,7 @@ mod builtin;
 mod expr;
 mod fold;
 mod light;
+mod mie;
 mod pending;
 mod phase;
 mod scene;
@@ -129,6 +130,7 @@ struct Lowerer<'s, 'd> {
     tables: FxHashMap<hir::TableId, Option<crate::ir::TableId>>,
     calls: FxHashMap<CallKey, Value>,
     gradients: FxHashMap<(u32, NodeId, NodeId), NodeId>,
+    mie_tables: FxHashMap<mie::MieKey, crate::ir::TableId>,
     frames: Vec<Frame<'s>>,
     space: Space,
     /// Counts the spaces, so that what is remembered of one is not taken for another's.
@@ -170,6 +172,7 @@ impl<'s, 'd> Lowerer<'s, 'd> {
             tables: FxHashMap::default(),
             calls: FxHashMap::default(),
             gradients: FxHashMap::default(),
+            mie_tables: FxHashMap::default(),
             frames: vec![Frame::default()],
             space,
             space_number: 0,

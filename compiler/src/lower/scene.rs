@@ -154,7 +154,7 @@ impl<'s> Lowerer<'s, '_> {
         let k_e = self.coefficient(medium, "k_e", medium.k_e.as_ref(), density);
         self.fresh();
         let phase = match (&medium.phase, &medium.k_s) {
-            (Some(phase), Some(_)) => self.phase(medium, phase),
+            (Some(phase), Some(_)) => self.phase(medium, phase, &shape),
             _ => Ok(None),
         };
         let data = match (&medium.transfer, &self.scene.render.composite) {

@@ -4,14 +4,16 @@ pub mod kernel;
 mod ledger;
 mod plan;
 mod print;
+mod reach;
 mod verify_kernel;
 
 pub use ledger::{Ledger, Omission};
 pub use plan::{
-    Binding, Extent, Fault, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, UniformField,
+    Binding, Extent, Fault, FillPass, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, UniformField,
     UniformLayout, UniformSource, texture_prim,
 };
 pub use print::{print_graphviz, print_ir, print_ledger, print_plan, print_scene};
+pub use reach::{prune, reached, used_resources};
 pub(crate) use verify_kernel::breaks;
 pub use verify_kernel::{MAX_BLOCK_DEPTH, MAX_EXPRESSION_DEPTH, verify};
 

@@ -130,6 +130,10 @@ pub enum FrameValue {
     FirstPath,
     /// u32: `--seed`
     Seed,
+    /// vec3: lower corner of the cube in which columns of light are kept
+    CacheLow,
+    /// f32: its edge
+    CacheSize,
     /// u32: 2, which no compiler knows: a loop of so many rounds shows whether the driver still lets loops go on
     Rounds,
     /// f32: how many pixels of the picture one unit of u spans (height/2)
@@ -193,6 +197,8 @@ pub enum Binding {
     /// is missed (bits), upper corner, and for a leaf its first triangle · 8 + number of triangles (bits), else 0. Then
     /// triangles, nine numbers each: a corner, and the two edges from it. In the scene's units.
     Mesh(MeshId),
+    /// Optical depths towards lights, one or one per band for each node: array of f32, filled by [`FillPass`].
+    Cache,
     /// Rays of the list.
     Rays,
     /// Records, one per ray: array of f32.
@@ -215,6 +221,17 @@ pub struct Pass {
     pub kernel: u32,
     /// Over what.
     pub extent: Extent,
+}
+
+/// A pass that fills [`Binding::Cache`] before anything is drawn. Node `TileOrigin.x + i` is invocation `i` of `RayCount`.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct FillPass {
+    /// Which of the program's kernels.
+    pub kernel: u32,
+    /// Invocations in all.
+    pub nodes: u32,
+    /// Numbers that the cache holds.
+    pub floats: u32,
 }
 
 /// How steps are chosen.
@@ -249,6 +266,8 @@ pub struct Plan {
     pub passes: Vec<Pass>,
     /// How steps are chosen.
     pub steps: StepRule,
+    /// What is worked out once for each picture.
+    pub fill: Option<FillPass>,
     /// Samples per pixel.
     pub samples: u32,
     /// Most evaluations a ray of the camera is expected to need: for the size of tiles.

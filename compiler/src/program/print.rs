@@ -147,6 +147,7 @@ pub fn print_plan(program: &Program) -> String {
                 let info = &scene.meshes[id.0 as usize];
                 format!("buffer of mesh {}: {} triangles and their boxes", info.path, info.header.triangles)
             }
+            Binding::Cache => format!("cache of {} depths towards lights", plan.fill.map_or(0, |f| f.floats)),
             Binding::Rays => "buffer of rays, 8 f32 each".into(),
             Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
         };
@@ -163,6 +164,10 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "    {:4} {} : {prim} × {} = {source}", field.offset, field.name, field.width);
     }
     let _ = writeln!(out, "passes:");
+    if let Some(fill) = plan.fill {
+        let kernel = &program.kernels[fill.kernel as usize].name;
+        let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
+    }
     for pass in &plan.passes {
         let over = match pass.extent {
             Extent::Tile => "pixels of a tile",

@@ -18,7 +18,7 @@ const MAX_BYTES: usize = 4 * MAX_WIDTH;
 const INDENT: &str = "    ";
 
 /// The text in the one format: four spaces of indentation, a property per line unless the block was written on one line
-/// and fits into 100 columns, at most one blank line in a row. Formatting twice changes nothing more.
+/// and fits into 100 columns, rows of tables beside each other where they were and fit, at most one blank line in a row. Formatting twice changes nothing more.
 ///
 /// # Errors
 /// The diagnostics of a text with syntax errors; their source is number 0.
@@ -50,6 +50,8 @@ struct Roles {
     item: Vec<bool>,
     /// Starts a property, a row, a `let` or the value of a block.
     entry: Vec<bool>,
+    /// Starts a row of a table, which the given token ends.
+    row: Vec<Option<usize>>,
     /// Opens a body of entries, which the given token closes.
     body: Vec<Option<usize>>,
     /// Closes a body of entries.
@@ -68,6 +70,7 @@ impl Roles {
         let mut roles = Self {
             item: no.clone(),
             entry: no.clone(),
+            row: vec![None; scan.tokens.len()],
             body: vec![None; scan.tokens.len()],
             closes_body: no.clone(),
             glued: no.clone(),
@@ -94,7 +97,11 @@ impl Roles {
         }
         match pair.as_rule() {
             Rule::item => self.item[first] = true,
-            Rule::property | Rule::row | Rule::binding => self.entry[first] = true,
+            Rule::property | Rule::binding => self.entry[first] = true,
+            Rule::row => {
+                self.entry[first] = true;
+                self.row[first] = Some(end - 1);
+            }
             Rule::named_block | Rule::plain_block | Rule::table_item | Rule::transfer_item => {
                 self.note_body(scan, pair)
             }
@@ -341,7 +348,13 @@ impl Printer<'_, '_> {
         }
         let layout = if entry {
             // A comment in front of an entry, on its line, stays there.
-            if comment_led_line && !forced && lines == 0 { Break::Space(1) } else { Break::Line(entry_indent) }
+            if comment_led_line && !forced && lines == 0 {
+                Break::Space(1)
+            } else if lines == 0 && after.is_none() && !opens_body && self.row_fits(next) {
+                Break::Space(2)
+            } else {
+                Break::Line(entry_indent)
+            }
         } else {
             let opens = previous.is_some_and(|p| {
                 self.scan.kind(p) == Some(TokenKind::Symbol) && matches!(scan.word(p), "(" | "[" | "{")
@@ -360,6 +373,13 @@ impl Printer<'_, '_> {
                 self.newline(indent, entry && lines > 1 && !first_in_body);
             }
         }
+    }
+
+    /// Whether this starts a row of a table that may stand beside the row before it: long tables are written in lines of
+    /// several rows.
+    fn row_fits(&self, first: usize) -> bool {
+        let row = self.roles.row[first].and_then(|last| self.flat(first..=last));
+        row.is_some_and(|row| self.column() + 2 + row.chars().count() <= MAX_WIDTH)
     }
 
     /// The tokens on one line, if they were written on one.

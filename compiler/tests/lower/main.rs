@@ -4,6 +4,7 @@ mod build;
 mod builtins;
 mod expressions;
 mod limits;
+mod mie;
 mod real;
 mod regions;
 mod scenes;

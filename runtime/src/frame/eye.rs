@@ -42,6 +42,15 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// Lower corner and edge of the cube around the media in which columns of light are kept.
+    #[must_use]
+    pub fn cube(&self) -> (Vec3, f64) {
+        let ball = self.bounds.unwrap_or(Ball { center: [0.0; 3], radius: 1.0 });
+        // A little wider, so that rounding leaves nothing outside.
+        let reach = ball.radius * (1.0 + 1e-4) + 1e-30;
+        (ball.center.map(|c| c - reach), 2.0 * reach)
+    }
+
     /// What every node of a graph can be anywhere in the scene.
     #[must_use]
     pub fn majorants(&self, graph: &Graph) -> Vec<Range> {

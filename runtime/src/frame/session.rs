@@ -402,7 +402,7 @@ impl Session {
             paths: 0,
             first_path: 0,
             seed: self.seed as u32 ^ (self.seed >> 32) as u32,
-            bounds,
+            bounds: super::bounds::bounded_media(scene, &params.0, time),
             grids: self.grid_ranges.clone(),
         }
     }

@@ -5,16 +5,17 @@
 //! (Swinbank and Purser 2006), there drawn to where the phase function sends light. What a sample brings is attenuated by
 //! e^(−τ) along the way to its light and lost behind a surface.
 
+use super::cache::{Channel, SKY};
 use super::shapes::{FAR, Ray};
 use super::trace::{Tracer, largest, least, widen};
 use crate::fields::{Code, Writer};
-use crate::ir::{Input, Light, LightKind};
+use crate::ir::{Input, Light, LightKind, NodeId};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{FrameValue, Ledger, OutputKind, StepRule};
 use std::f64::consts::PI;
 
 /// 1 − 1/φ, in turns.
-const GOLDEN: f64 = 0.381_966_011_250_105_1;
+pub(super) const GOLDEN: f64 = 0.381_966_011_250_105_1;
 /// Phase functions with a mean cosine below this are sampled evenly.
 const NARROW: f64 = 0.3;
 
@@ -63,6 +64,8 @@ pub(super) struct LightSample {
     even: Option<Expr>,
     /// The number of its light, if this is all of it: then a surface cuts it off sharply.
     sharp: Option<u32>,
+    /// Where its column is kept.
+    pub(super) channel: Channel,
 }
 
 /// Who gathers light.
@@ -98,7 +101,7 @@ impl Tracer<'_> {
         }
     }
 
-    fn fract(code: &mut Code, x: Expr) -> Expr {
+    pub(super) fn fract(code: &mut Code, x: Expr) -> Expr {
         let x = code.bind("turns", Ty::F32, x);
         x.clone() - Expr::math(Math::Floor, [x])
     }
@@ -145,7 +148,18 @@ impl Tracer<'_> {
                     let to = code.bind(&format!("to_{name}"), Ty::VEC3, -travel);
                     let Some(diameter) = angular_diameter else {
                         let (limit, sharp) = (Expr::F32(FAR), Some(number));
-                        each(self, code, &LightSample { to, limit, irradiance: e, even: None, sharp });
+                        each(
+                            self,
+                            code,
+                            &LightSample {
+                                to,
+                                limit,
+                                irradiance: e,
+                                even: None,
+                                sharp,
+                                channel: Channel::Light(number),
+                            },
+                        );
                         continue;
                     };
                     let diameter = self.builder.value(self.graph, diameter, &format!("{name}_angular_diameter"));
@@ -153,9 +167,10 @@ impl Tracer<'_> {
                         continue;
                     }
                     if let Receiver::Path { rng } = receiver {
-                        self.disc_point(code, &to, e, &(diameter * 0.5), *rng, each);
+                        self.disc_point(code, (number, &to), e, &(diameter * 0.5), *rng, each);
                     } else {
-                        self.disc(code, &to, e, &(diameter * 0.5), each);
+                        let on_surface = matches!(receiver, Receiver::Surface { .. });
+                        self.disc(code, (number, &to), e, (&(diameter * 0.5), on_surface), each);
                     }
                 }
                 LightKind::Point { position, intensity, radius } => {
@@ -178,7 +193,18 @@ impl Tracer<'_> {
                     let e = i / near.clone().splat(lw) / near.splat(lw);
                     let e = code.bind("irradiance", Ty::float(lw), e.min(Expr::F32(1e30).splat(lw)));
                     let sharp = Some(number);
-                    each(self, code, &LightSample { to, limit: distance, irradiance: e, even: None, sharp });
+                    each(
+                        self,
+                        code,
+                        &LightSample {
+                            to,
+                            limit: distance,
+                            irradiance: e,
+                            even: None,
+                            sharp,
+                            channel: Channel::Light(number),
+                        },
+                    );
                 }
             }
         }
@@ -191,14 +217,14 @@ impl Tracer<'_> {
     fn disc(
         &mut self,
         code: &mut Code,
-        to: &Expr,
+        (number, to): (u32, &Expr),
         irradiance: Expr,
-        radius: &Expr,
+        (radius, on_surface): (&Expr, bool),
         each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
     ) {
         let lw = self.scene.light_width;
-        // Without surfaces nothing has a sharp edge, and few samples do.
-        let count = if self.scene.sheets.is_empty() { 8 } else { self.count(0.64, 16, 512) };
+        // Where nothing has a sharp edge few samples do, and a ray through a medium mixes those of many places.
+        let count = if on_surface { self.count(0.64, 16, 512) } else { 8 };
         let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
         let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
         // Of the whole disc, E / (π sin² α) times its solid angle 2π(1 − cos α) is E · 2/(1 + cos α).
@@ -212,7 +238,18 @@ impl Tracer<'_> {
         let mu = code.bind("mu", Ty::F32, mu);
         let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
         let sample = Self::around(code, to, &frame, &mu, turns);
-        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None, sharp: None });
+        each(
+            self,
+            code,
+            &LightSample {
+                to: sample,
+                limit: Expr::F32(FAR),
+                irradiance: e,
+                even: None,
+                sharp: None,
+                channel: Channel::Light(number),
+            },
+        );
         code.add(i, 1.0);
         let block = code.close();
         code.push_loop(block);
@@ -222,7 +259,7 @@ impl Tracer<'_> {
     fn disc_point(
         &mut self,
         code: &mut Code,
-        to: &Expr,
+        (number, to): (u32, &Expr),
         irradiance: Expr,
         radius: &Expr,
         rng: LocalId,
@@ -239,7 +276,18 @@ impl Tracer<'_> {
         let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - cap * u);
         let turns = random.draw(code, rng);
         let sample = Self::around(code, to, &frame, &mu, turns);
-        each(self, code, &LightSample { to: sample, limit: Expr::F32(FAR), irradiance: e, even: None, sharp: None });
+        each(
+            self,
+            code,
+            &LightSample {
+                to: sample,
+                limit: Expr::F32(FAR),
+                irradiance: e,
+                even: None,
+                sharp: None,
+                channel: Channel::Light(number),
+            },
+        );
     }
 
     fn environment(
@@ -250,6 +298,9 @@ impl Tracer<'_> {
     ) {
         let Some(node) = self.scene.background else { return };
         let lw = self.scene.light_width;
+        if self.cache.is_some() {
+            return self.kept_environment(code, receiver, node, each);
+        }
         let count = self.count(0.64, 32, 4096);
         let axis = match receiver {
             Receiver::Medium { direction, .. } => (*direction).clone(),
@@ -290,7 +341,59 @@ impl Tracer<'_> {
         let e = code.bind("irradiance", Ty::float(lw), e);
         let half = Expr::Local(i) * 0.5;
         let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
-        each(self, code, &LightSample { to, limit: Expr::F32(FAR), irradiance: e, even: Some(even), sharp: None });
+        each(
+            self,
+            code,
+            &LightSample {
+                to,
+                limit: Expr::F32(FAR),
+                irradiance: e,
+                even: Some(even),
+                sharp: None,
+                channel: Channel::Sky(i.into()),
+            },
+        );
+        code.add(i, 1.0);
+        let block = code.close();
+        code.push_loop(block);
+    }
+
+    /// The directions whose columns are kept, the same at every place.
+    fn kept_environment(
+        &mut self,
+        code: &mut Code,
+        receiver: &Receiver<'_>,
+        node: NodeId,
+        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
+    ) {
+        let lw = self.scene.light_width;
+        let solid = match receiver {
+            // So few directions do not integrate every orientation's cosine to π: they are told to.
+            Receiver::Surface { normal } => {
+                let cosines = code.var("cosines", Ty::F32, 1e-3);
+                let j = code.var("direction_number", Ty::F32, 0.0);
+                code.open();
+                code.break_if(Expr::Local(j).greater_equal(f64::from(SKY)));
+                let to = Self::sky_direction(code, &j.into());
+                code.add(cosines, to.dot((*normal).clone()).max(0.0));
+                code.add(j, 1.0);
+                let block = code.close();
+                code.push_loop(block);
+                code.bind("solid", Ty::F32, Expr::F32(PI) / Expr::Local(cosines))
+            }
+            Receiver::Medium { .. } | Receiver::Path { .. } | Receiver::Sharp => Expr::F32(4.0 * PI / f64::from(SKY)),
+        };
+        let i = code.var("sample", Ty::F32, 0.0);
+        code.open();
+        code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
+        let to = Self::sky_direction(code, &i.into());
+        let value = self.from_ray(code, &to, &[node]).remove(0);
+        let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
+        let e = code.bind("irradiance", Ty::float(lw), e);
+        let half = Expr::Local(i) * 0.5;
+        let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
+        let (limit, channel) = (Expr::F32(FAR), Channel::Sky(i.into()));
+        each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), sharp: None, channel });
         code.add(i, 1.0);
         let block = code.close();
         code.push_loop(block);
@@ -337,7 +440,15 @@ impl Tracer<'_> {
         (dw, lw): (u8, u8),
     ) {
         let mut through = None;
-        if let Some(shadow) = self.shadow.clone() {
+        if let Some(cache) = self.cache.clone() {
+            let (depth, off) = self.look_up(code, &cache, p, sample);
+            let t = code.bind("through", Ty::float(dw), (-depth).exp());
+            if let Some(error) = into.error {
+                let off = Expr::F32(1.0).min(off);
+                code.add(error, most.clone() * largest(t.clone(), dw) * off);
+            }
+            through = Some(widen(t, dw, lw));
+        } else if let Some(shadow) = self.shadow.clone() {
             let mut arguments = vec![p.clone(), sample.to.clone(), sample.limit.clone()];
             if shadow.stepped {
                 // Where white is large against what this light brings, its shadow need not be exact.
@@ -379,8 +490,10 @@ impl Tracer<'_> {
         Gathered {
             sums,
             alternating: alternating.then(|| code.var("alternating", Ty::F32, 0.0)),
-            error: (alternating || (wants_error && shadow.is_some_and(|s| s.error.is_some())))
-                .then(|| code.var("error", Ty::F32, 0.0)),
+            error: (alternating
+                || (wants_error && self.cache.is_some())
+                || (wants_error && shadow.is_some_and(|s| s.error.is_some())))
+            .then(|| code.var("error", Ty::F32, 0.0)),
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
             visible: None,
         }

@@ -111,6 +111,7 @@ impl Tracer<'_> {
         let accuracy = self.builder.frame(FrameValue::Accuracy);
         let white = self.builder.frame(FrameValue::White);
         let cap = self.builder.frame(FrameValue::MaxWork);
+        let cap = if self.cache.is_some() { cap.min(super::cache::MOST_LOOKS) } else { cap };
         let longest = self.longest_step(length);
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));

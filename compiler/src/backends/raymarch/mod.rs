@@ -1,5 +1,6 @@
 //! Raymarching: one ray per sample, front to back.
 
+mod cache;
 mod closed;
 mod edges;
 mod light;
@@ -82,10 +83,12 @@ pub(super) fn build(
         shadow: None,
         in_scattered: None,
         visible: None,
+        cache: None,
+        only: None,
         random: None,
         transmitted: None,
     };
-    let traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
+    let mut traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
     let mut outputs = vec![];
     let mut stride = 0;
@@ -114,7 +117,12 @@ pub(super) fn build(
         RaySource::Camera => "draw",
         RaySource::List => "probe",
     };
-    let (kernel, bindings, uniforms) = builder.finish(name, workgroup, entry);
+    let mut entries = vec![(name, workgroup, entry)];
+    let fill = traced.fill.take().map(|(fill, entry)| {
+        entries.push(("fill", [64, 1, 1], entry));
+        fill
+    });
+    let (kernels, bindings, uniforms) = builder.finish(entries);
     let work_per_ray = match rule {
         StepRule::Closed => 1,
         StepRule::Fixed(n) => n,
@@ -130,10 +138,11 @@ pub(super) fn build(
         uniforms,
         passes: vec![Pass { kernel: 0, extent }],
         steps: rule,
+        fill,
         samples,
         work_per_ray: work_per_ray * samples,
     };
-    Some((vec![kernel], plan))
+    Some((kernels, plan))
 }
 
 /// Whether light is followed over more than one scattering: only where there is something to scatter it and light to scatter.

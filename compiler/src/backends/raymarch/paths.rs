@@ -875,6 +875,6 @@ impl Tracer<'_> {
         let result = self.builder.add_struct("Traced", names.collect());
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        Traced { function, fields, random: self.random }
+        Traced { function, fields, random: self.random, fill: None }
     }
 }

@@ -156,6 +156,9 @@ impl Tracer<'_> {
         if let Some((field, var)) = visible {
             code.set(var, gathered.clone().field(field));
         }
+        if let (Some(work), Some(looks)) = (state.work, self.looks()) {
+            code.add(work, looks);
+        }
         if let (Some(work), Some(field)) = (state.work, lights.work) {
             code.add(work, gathered.field(field).convert(Prim::U32));
         }

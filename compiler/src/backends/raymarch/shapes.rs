@@ -115,6 +115,11 @@ fn cylinder_function(axis: FunctionId, ball: FunctionId) -> Function {
 }
 
 impl SpanFunctions {
+    /// `within(o, d, low, high)`: where a coordinate lies between two values.
+    pub(super) fn within(&mut self, builder: &mut KernelBuilder) -> FunctionId {
+        self.axis(builder)
+    }
+
     fn axis(&mut self, builder: &mut KernelBuilder) -> FunctionId {
         *self.axis.get_or_insert_with(|| builder.add_function(axis_function()))
     }

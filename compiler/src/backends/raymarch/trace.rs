@@ -25,6 +25,8 @@ pub(super) struct Traced {
     pub(super) fields: Vec<(OutputKind, u8)>,
     /// For paths.
     pub(super) random: Option<super::paths::Random>,
+    /// What fills the cache, and its entry point.
+    pub(super) fill: Option<(crate::program::FillPass, crate::program::kernel::Function)>,
 }
 
 /// The values of a medium's coefficients where they do not depend on the position.
@@ -111,6 +113,10 @@ pub(super) struct Tracer<'a> {
     pub(super) in_scattered: Option<InScattered>,
     /// Which lights are seen from a point, where surfaces cast shadows.
     pub(super) visible: Option<FunctionId>,
+    /// Columns of light that are kept.
+    pub(super) cache: Option<super::cache::Cache>,
+    /// Which media a shadow is of; `None` is all.
+    pub(super) only: Option<fn(&Self, &Matter) -> bool>,
     /// Of paths.
     pub(super) random: Option<super::paths::Random>,
     /// `transmitted` of paths.
@@ -166,7 +172,14 @@ impl Tracer<'_> {
     pub(super) fn write(mut self, ledger: &mut Ledger) -> Traced {
         let sdfs = self.sdfs();
         self.nearest = self.write_nearest();
-        if self.scene.is_lit() {
+        let mut fill = None;
+        if self.scene.is_lit() && self.caches() {
+            if let Some((cache, entry)) = self.write_cache(&sdfs) {
+                ledger.omit("steps towards lights at every sample", "columns of light are kept on a lattice", None);
+                fill = Some((cache.fill, entry));
+                self.cache = Some(cache);
+            }
+        } else if self.scene.is_lit() {
             self.shadow = self.write_shadow(&sdfs);
         }
         self.in_scattered = self.write_in_scattered(ledger);
@@ -182,20 +195,39 @@ impl Tracer<'_> {
         });
         let end = hit.clone().map(|h| h.field(0));
         self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start, end }, Some(ledger));
-        self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref())
+        let traced = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
+        Traced { fill, ..traced }
     }
 
     /// Writes `shadow`, if something attenuates.
     pub(super) fn write_shadow(&mut self, sdfs: &[Option<SdfFunctions>]) -> Option<Shadow> {
+        self.write_shadow_of(sdfs, "shadow", |_, _| true)
+    }
+
+    /// Writes the same for some media.
+    pub(super) fn write_shadow_of(
+        &mut self,
+        sdfs: &[Option<SdfFunctions>],
+        name: &str,
+        only: fn(&Self, &Matter) -> bool,
+    ) -> Option<Shadow> {
         let scene = self.scene;
-        if !scene.attenuates() {
+        if !scene.matter.iter().any(|m| m.extinction.is_some() && only(self, m)) {
             return None;
         }
+        self.only = Some(only);
+        let shadow = self.write_shadow_function(sdfs, name);
+        self.only = None;
+        shadow
+    }
+
+    fn write_shadow_function(&mut self, sdfs: &[Option<SdfFunctions>], name: &str) -> Option<Shadow> {
+        let scene = self.scene;
         let dw = scene.depth_width;
-        let mut code = Code::new("shadow", None);
+        let mut code = Code::new(name, None);
         let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
         let limit = code.parameter("limit", Ty::F32);
-        let stepped = scene.matter.iter().any(|m| self.open_depth(m));
+        let stepped = scene.matter.iter().any(|m| self.open_depth(m) && self.only.is_none_or(|only| only(self, m)));
         let dim = if stepped { code.parameter("dim", Ty::F32) } else { Expr::F32(0.0) };
         let error = stepped && self.wants(OutputKind::Error);
         let work = stepped && !matches!(self.rule, StepRule::Closed);
@@ -417,7 +449,11 @@ impl Tracer<'_> {
         let varies = |n: Option<NodeId>| n.filter(|n| tiers[n.0 as usize] == Tier::Sample);
         let stepping = scene.matter.iter().any(|m| self.steps(m));
         let mut out = vec![];
-        for matter in scene.matter.iter().filter(|m| eye || m.extinction.is_some()) {
+        let only = self.only;
+        for matter in &scene.matter {
+            if !eye && (matter.extinction.is_none() || only.is_some_and(|only| !only(self, matter))) {
+                continue;
+            }
             let wanted = [matter.extinction, matter.emission.filter(|_| eye), matter.scattering.filter(|_| eye)];
             let [extinction, emission, scattering] = wanted.map(varies);
             let checks = if self.wants(OutputKind::Fault) { matter.checks.as_slice() } else { &[] };
@@ -812,7 +848,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct("Traced", names.collect());
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        Traced { function, fields, random: None }
+        Traced { function, fields, random: None, fill: None }
     }
 }
 

@@ -158,6 +158,36 @@ of the grid itself.",
 ```\nsurface floor { shape = plane(point: (0,0,0) m, normal: (0,1,0)) }\n```",
     },
     CodeInfo {
+        code: "E0524",
+        title: "particles of `mie` that are not known when compiling",
+        explanation: "The series of Mie's theory are summed by the compiler, once for each band, so the particles must be \
+known to it: constants, or functions of `lambda`. A `param`, `time` or the position can weigh two kinds of particles:\n\n\
+```\nparam age = 0.5 in 0 .. 1\nmedium fog { k_s = 0.1 /m  phase = mix(mie(radius: 2 um, index: 1.33), mie(radius: 8 um, index: 1.33), age) }\n```",
+    },
+    CodeInfo {
+        code: "E0525",
+        title: "particles that `mie` does not know",
+        explanation: "A sphere has a radius above zero, an index n + ik with n above zero and k not below (k > 0 absorbs), and \
+a `spread`, the geometric standard deviation of the radii, of 1 or more. It is computed for 2πr/λ from 1e-6 to 1e5, and its \
+phase function up to 1e4: for smaller ones `rayleigh` is exact, and larger ones are better drawn with a smooth lobe. With a \
+`spread`, all sizes that matter count, and large ones scatter most.",
+    },
+    CodeInfo {
+        code: "N0526",
+        title: "`mie` is less exact than usual",
+        explanation: "The phase function of one size of particles has as many ripples as 2πr/λ is large, and its table up to \
+16384 rows; an average over sizes sums as many of them as there is time for. Where that leaves more than a ten-thousandth of \
+the value, it is said. Energy is not touched: the table is normalised as it is interpolated. Particles of nature are of many \
+sizes, and with a `spread` their ripples vanish.",
+    },
+    CodeInfo {
+        code: "W0527",
+        title: "`mie` is far from exact",
+        explanation: "As N0526, but by more than a twentieth: the ripples of the phase function are finer than its table, or \
+more sizes matter than could be summed. Lobes and colours are right on the whole and wrong in detail. Give the particles a \
+`spread`, or make it smaller.",
+    },
+    CodeInfo {
         code: "E0590",
         title: "a number does not fit 32-bit floating point",
         explanation: "\

@@ -42,12 +42,6 @@ light that passes (extinction), and emission, but not yet the light that is scat
 `analytic` for now, which smooths the edges of shapes.",
     },
     CodeInfo {
-        code: "E0911",
-        title: "the phase function `mie` is not there yet",
-        explanation: "Scattering by spheres of any size needs tables that are not computed yet. `draine(g: …, alpha: …)` and \
-`henyey_greenstein(g: …)` are close for a mixture of many sizes; `rayleigh` holds for particles far below the wavelength.",
-    },
-    CodeInfo {
         code: "E0912",
         title: "`bands = spectral(n)` is not there yet",
         explanation: "Pictures have up to four bands so far: `rgb`, `gray`, or a list of wavelengths.",

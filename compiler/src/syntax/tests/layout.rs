@@ -37,6 +37,32 @@ fn blocks_on_several_lines_have_a_property_a_line() {
 }
 
 #[test]
+fn rows_of_tables_stand_in_lines_as_they_were_written_and_fit() {
+    let text = "table t {0:1   2:3 // why\n4:5  6:7\n\n8:9\n10: 11 /* twelve */ 12: 13 14: {\nlet x = 1 x} 15: 16}";
+    let expected = "table t {
+    0: 1  2: 3  // why
+    4: 5  6: 7
+
+    8: 9
+    10: 11 /* twelve */
+    12: 13
+    14: {
+        let x = 1
+        x
+    }  15: 16
+}
+";
+    assert_eq!(formatted(text), expected);
+    let rows: Vec<String> = (10..40).map(|i| format!("{i}: #ffffff, 2 /m")).collect();
+    let wide = formatted(&format!("transfer t {{{}}}", rows.join(" ")));
+    let lines: Vec<&str> = wide.lines().collect();
+    // Five of 17 columns each, with two spaces between them and four before, reach column 97.
+    assert_eq!(lines[1], format!("    {}", rows[..5].join("  ")));
+    assert_eq!(lines.len(), 2 + 6);
+    assert!(lines.iter().all(|l| l.chars().count() <= 100));
+}
+
+#[test]
 fn operators_are_set_as_one_reads_them() {
     let text = "const a=-b*-2 m ^ - 1+!c^2/( d,e ) m-f( g : 1 ,[h ,i]) . x\nparam p=1 in 0..10\nconst s=sum( i in 0 .. 3 )i+max(j in 0..k+1) {j}";
     let expected = "const a = -b * -2 m^-1 + !c^2 / (d, e) m - f(g: 1, [h, i]).x

@@ -180,14 +180,20 @@ impl Needs {
                     needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(32 + triangles * (2 * 32 + 36));
                 }
+                Binding::Cache => {
+                    needs.storage_buffers += 1;
+                    let floats = program.plan.fill.map_or(0, |f| u64::from(f.floats));
+                    needs.storage_bytes = needs.storage_bytes.max(4 * floats);
+                }
                 Binding::Rays | Binding::Records => {
                     needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(TILE_BYTES);
                 }
             }
         }
-        for pass in &program.plan.passes {
-            let size = program.kernels[pass.kernel as usize].workgroup;
+        let kernels = program.plan.passes.iter().map(|p| p.kernel).chain(program.plan.fill.map(|f| f.kernel));
+        for kernel in kernels {
+            let size = program.kernels[kernel as usize].workgroup;
             needs.invocations = needs.invocations.max(size.iter().product());
             needs.workgroup = std::array::from_fn(|i| needs.workgroup[i].max(size[i]));
         }

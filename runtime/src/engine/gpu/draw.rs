@@ -10,7 +10,7 @@ use super::uniforms::{Block, Part};
 use crate::frame::Frame;
 use compiler::emit::Shader;
 use compiler::ir::eval::Tables;
-use compiler::program::{Program, RaySource};
+use compiler::program::{FillPass, Program, RaySource};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -170,6 +170,27 @@ impl Prepared {
         Block::new(&self.program, frame, tables)
     }
 
+    /// Fills the cache, in dispatches that are short enough for watchdogs.
+    fn fill(&mut self, block: &mut Block, fill: FillPass) -> Result<(), GpuError> {
+        // A first guess of what a dispatch can do in a tenth of a second, corrected by what each one took.
+        let (mut first, mut count) = (0u32, 4096u32);
+        if self.slots.is_empty() {
+            self.slots.push(Slot::new(&self.gpu, &self.program, &self.pipelines, &self.resources, 1)?);
+        }
+        while first < fill.nodes {
+            let rays = count.min(fill.nodes - first);
+            let part = Part { origin: [first, 0], size: [rays, 1], rays };
+            let started = Instant::now();
+            let bytes = block.part(part);
+            self.slots[0].fill(&self.gpu, &self.program, &self.pipelines, (fill.kernel, rays), bytes)?;
+            let seconds = started.elapsed().as_secs_f64().max(1e-6);
+            first += rays;
+            let ideal = f64::from(rays) * 0.1 / seconds;
+            count = (ideal as u32).clamp(256, 4 * rays).min(65535 * 64);
+        }
+        Ok(())
+    }
+
     fn tiles(
         &mut self,
         frame: &Frame,
@@ -179,6 +200,9 @@ impl Prepared {
     ) -> Result<Timing, GpuError> {
         self.gpu.watch.check()?;
         let mut block = self.evaluate(frame);
+        if let Some(fill) = self.program.plan.fill {
+            self.fill(&mut block, fill)?;
+        }
         let plan = &self.program.plan;
         let record = u64::from(plan.stride.max(1)) * 4;
         let bytes = match source {

@@ -45,7 +45,7 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
             multisampled: false,
         },
         Binding::Table(_) | Binding::Mesh(_) | Binding::Rays => storage(true),
-        Binding::Records => storage(false),
+        Binding::Cache | Binding::Records => storage(false),
     }
 }
 

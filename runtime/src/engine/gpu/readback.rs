@@ -83,6 +83,7 @@ impl Slot {
                 Binding::Rays => rays.as_ref().map(wgpu::Buffer::as_entire_binding),
                 Binding::Records => Some(records.as_entire_binding()),
                 Binding::Grid(_) => grids.next().map(wgpu::BindingResource::TextureView),
+                Binding::Cache => resources.cache.as_ref().map(wgpu::Buffer::as_entire_binding),
                 Binding::Mesh(_) => meshes.next().map(wgpu::Buffer::as_entire_binding),
                 Binding::Table(_) => tables.next().map(|(_, b, _)| b.as_entire_binding()),
             };
@@ -100,6 +101,31 @@ impl Slot {
     /// Whether it is large enough.
     pub(super) fn holds(&self, program: &Program, invocations: u64) -> bool {
         invocations * u64::from(program.plan.stride.max(1)) * 4 <= self.capacity
+    }
+
+    /// Runs a part of the pass that fills the cache, and waits for it.
+    pub(super) fn fill(
+        &self,
+        gpu: &Gpu,
+        program: &Program,
+        pipelines: &Pipelines,
+        (kernel, nodes): (u32, u32),
+        block: &[u8],
+    ) -> Result<(), GpuError> {
+        if let Some(uniforms) = &self.uniforms {
+            gpu.queue.write_buffer(uniforms, 0, block);
+        }
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("fill") });
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_bind_group(0, &self.group, &[]);
+            pass.set_pipeline(&pipelines.kernels[kernel as usize]);
+            let group = program.kernels[kernel as usize].workgroup[0].max(1);
+            pass.dispatch_workgroups(nodes.div_ceil(group), 1, 1);
+        }
+        let index = gpu.queue.submit([encoder.finish()]);
+        gpu.watch.wait(index)?;
+        gpu.watch.check()
     }
 
     /// Sends one dispatch on its way.

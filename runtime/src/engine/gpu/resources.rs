@@ -39,11 +39,13 @@ pub(super) struct Resources {
     pub(super) tables: Vec<(TableId, wgpu::Buffer, Vec<f32>)>,
     /// Meshes likewise.
     pub(super) meshes: Vec<wgpu::Buffer>,
+    /// Columns of light.
+    pub(super) cache: Option<wgpu::Buffer>,
 }
 
 impl Resources {
     pub(super) fn new(gpu: &Gpu, program: &Program, data: SceneData<'_>) -> Result<Self, GpuError> {
-        let mut resources = Self { grids: vec![], tables: vec![], meshes: vec![] };
+        let mut resources = Self { grids: vec![], tables: vec![], meshes: vec![], cache: None };
         for binding in &program.plan.bindings {
             match binding {
                 Binding::Grid(id) => {
@@ -71,6 +73,15 @@ impl Resources {
                     });
                     gpu.queue.write_buffer(&buffer, 0, numbers);
                     resources.meshes.push(buffer);
+                }
+                Binding::Cache => {
+                    let size = 4 * program.plan.fill.map_or(1, |f| u64::from(f.floats)).max(1);
+                    resources.cache = Some(gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some("columns of light"),
+                        size,
+                        usage: wgpu::BufferUsages::STORAGE,
+                        mapped_at_creation: false,
+                    }));
                 }
                 Binding::Uniforms | Binding::Rays | Binding::Records => {}
             }

@@ -93,6 +93,7 @@ fn program(
             uniforms: UniformLayout { fields, size },
             passes: vec![Pass { kernel: 0, extent }],
             steps: StepRule::Closed,
+            fill: None,
             samples: 1,
             work_per_ray: 1,
         },

@@ -98,6 +98,8 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::FirstPath => vec![f64::from(frame.first_path)],
         FrameValue::Seed => vec![f64::from(frame.seed)],
         FrameValue::Rounds => vec![2.0],
+        FrameValue::CacheLow => frame.cube().0.to_vec(),
+        FrameValue::CacheSize => vec![frame.cube().1],
         FrameValue::PixelScale => vec![f64::from(frame.size[1]) / 2.0],
     })
 }
@@ -121,6 +123,8 @@ fn of_part(value: FrameValue, part: Part) -> Vec<f64> {
         | FrameValue::FirstPath
         | FrameValue::Seed
         | FrameValue::Rounds
+        | FrameValue::CacheLow
+        | FrameValue::CacheSize
         | FrameValue::PixelScale => vec![],
     }
 }
