@@ -61,6 +61,7 @@ fn run<V: Voxels + ?Sized>(
             let ts = std::array::from_fn(|i| place(done + i.min(lanes - 1) as f64));
             let [sigma, mut emission] = worker.sample(ray, &segment.active, &ts)?;
             if segment.scatters {
+                worker.front = [0.0; BANDS];
                 worker.scatter(ray, &segment.active, &ts, (&sigma, &mut emission))?;
             }
             for lane in 0..lanes {

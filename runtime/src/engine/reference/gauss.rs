@@ -101,7 +101,7 @@ impl Decay {
     /// that such noise explains count as none.
     pub(super) fn above(c: &Nodes, noise: f64) -> Self {
         let size = c.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let floor = (16.0 * f64::EPSILON * size).max(8.0 * noise);
+        let floor = (16.0 * f64::EPSILON * size).max(2.0 * noise);
         let last = c[N - 1].hypot(c[N - 2]);
         if last <= floor || !last.is_finite() {
             let ratio = if last.is_finite() { 0.0 } else { 1.0 };

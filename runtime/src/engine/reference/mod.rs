@@ -28,11 +28,13 @@
 mod closed;
 mod compose;
 mod events;
+mod faces;
 mod field;
 mod fixed;
 mod gauss;
 mod interval;
 mod light;
+mod negative;
 mod panel;
 mod paths;
 mod project;

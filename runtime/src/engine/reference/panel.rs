@@ -96,7 +96,7 @@ fn vary(h: f64, (s, j, unknown): (&Nodes, &Nodes, f64), (c, emitted): (&Nodes, &
     if s_max == 0.0 {
         let decay = Decay::above(emitted, unknown);
         let radiance = h * rule.mean(j);
-        let noisy = decay.last <= (1e-9 * j_max).max(16.0 * unknown);
+        let noisy = decay.last <= (1e-9 * j_max).max(4.0 * unknown);
         let radiance_error = h * decay.quadrature() + noise * radiance;
         return Slice { radiance, radiance_error, noisy, ..Slice::default() };
     }
@@ -133,7 +133,7 @@ fn vary(h: f64, (s, j, unknown): (&Nodes, &Nodes, f64), (c, emitted): (&Nodes, &
         let rest: Nodes = std::array::from_fn(|i| (j[i] - source * s[i]) * e[i]);
         let rest_decay = Decay::above(&rule.coefficients(&rest), unknown);
         let rest_size = h * rule.mean(&rest.map(f64::abs));
-        noisy &= rest_decay.last <= (1e-9 * j_max).max(16.0 * unknown);
+        noisy &= rest_decay.last <= (1e-9 * j_max).max(4.0 * unknown);
         let inside = h * decay.interpolation();
         let radiance_error =
             h * rest_decay.quadrature() + rest_size * inside + source * (-tau).exp() * tau_error + noise * radiance;

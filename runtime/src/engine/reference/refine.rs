@@ -68,11 +68,15 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                 return Ok(true);
             }
             let old = std::mem::take(panels);
+            let mut front = [0.0; BANDS];
             for (i, p) in old.into_iter().enumerate() {
+                let before = front;
+                (0..bands).for_each(|b| front[b] += p.slices[b].tau);
                 if !divide[i] {
                     panels.push(p);
                     continue;
                 }
+                self.front = before;
                 let half = 0.5 * p.h;
                 let stalled = if shares[i] > 0.4 * p.parent { p.stalled + 1 } else { 0 };
                 for (a, plain) in [(p.a, p.plain), (p.a + half, true)] {

@@ -6,12 +6,12 @@
 //! the eye ray it is (−w)·(−d).
 
 use super::Options;
+use super::faces::mix;
 use super::field::{Ray, bad_coefficient};
 use super::gauss::N;
 use super::gauss::Nodes;
 use super::light::{Arrival, Beam};
 use super::shade::Depth;
-use super::shape::mix;
 use super::sphere::{OfDirection, Values, changes, over_cap};
 use super::surface::{Hit, Spot, SurfaceForm};
 use super::trace::{BANDS, PerBand, Worker};
@@ -21,7 +21,9 @@ use compiler::ir::eval::Voxels;
 use std::f64::consts::PI;
 
 /// Share of the tolerance of a ray that is left to what arrives at each point of it.
-const INNER: f64 = 0.03;
+const INNER: f64 = 0.1;
+/// Beyond this depth nothing is scattered to the eye that could be seen beside what lies before it.
+const UNSEEN: f64 = 100.0;
 
 /// Places on a ray are known to this, relative to how far away they and its origin are.
 pub(super) const PLACES: f64 = 16.0 * f64::EPSILON;
@@ -205,6 +207,9 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         ts: &Nodes,
         (sigma, emission): (&[Nodes; BANDS], &mut [Nodes; BANDS]),
     ) -> Result<[Nodes; BANDS], Diagnostic> {
+        if self.front[..self.bands].iter().all(|t| *t > UNSEEN) {
+            return Ok([[0.0; N]; BANDS]);
+        }
         // Lent for the time being, so that the worker stays whole whatever happens.
         let k_s = std::mem::take(&mut self.k_s);
         let wrong = self.scatter_all(ray, (active, &k_s), ts, (sigma, emission));
@@ -299,7 +304,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         (p, blur): (Vec3, &PerBand),
         arrival: &Arrival,
     ) -> Result<(PerBand, PerBand), Diagnostic> {
-        let tolerance = self.inner;
+        let tolerance = self.eased();
         let depth = self.shadow(p, arrival.towards, arrival.distance, tolerance)?;
         let (mut light, mut wrong) = ([0.0; BANDS], [0.0; BANDS]);
         if let Some(depth) = depth {
@@ -312,6 +317,12 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         Ok((light, wrong))
     }
 
+    /// Tolerance of what arrives: looser where much lies before it.
+    fn eased(&self) -> f64 {
+        let seen = self.front[..self.bands].iter().fold(0.0f64, |m, t| m.max((-t).exp()));
+        (self.inner / seen.max(1e-6)).min(self.inner.max(1e-2))
+    }
+
     /// Light from a cap of the sphere (an axis, and cuts of 1 − cosine) on a receiver.
     fn gather(
         &mut self,
@@ -320,8 +331,8 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         receiver: Receiver<'_>,
         (axis, cuts): (Vec3, &[f64]),
     ) -> Result<Behind, Diagnostic> {
-        let (bands, relative) = (self.bands, self.inner);
-        let mut gather = Gather { worker: self, place, radiance, receiver, tolerance: 0.01 * relative, blur };
+        let (bands, relative) = (self.bands, self.eased());
+        let mut gather = Gather { worker: self, place, radiance, receiver, tolerance: 0.1 * relative, blur };
         let found = over_cap(&mut gather, axis, cuts, bands, relative)?;
         Ok(Behind { radiance: found.value, wrong: found.error, rough: true })
     }
@@ -336,6 +347,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             return Ok(lit);
         }
         let Spot { at, place, normal } = self.spot(ray, hit);
+        self.front = [0.0; BANDS];
         for light in &fields.lights {
             let found = match &light.beam {
                 Beam::Disc { towards, radiance, angle } => {

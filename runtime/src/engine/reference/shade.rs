@@ -107,7 +107,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                         self.evaluations += 1;
                         Depth { tau, error: tau.map(|t| if t.is_finite() { 8.0 * f64::EPSILON * t } else { 0.0 }) }
                     }
-                    None if b.is_finite() => self.stretch(ray, m, (a, b), 4, tolerance)?.0,
+                    None if b.is_finite() => self.stretch(ray, m, (a, b), if self.lean { 2 } else { 4 }, tolerance)?.0,
                     None => self.endless_stretch(ray, m, a, tolerance)?,
                 };
                 total.add(&part);
@@ -285,7 +285,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let (mut t, mut w) = (start, FIRST);
         let mut before: PerBand = [0.0; BANDS];
         loop {
-            let (step, black) = self.stretch(ray, m, (t, t + w), 4, 0.05 * tolerance)?;
+            let (step, black) = self.stretch(ray, m, (t, t + w), 2, 0.05 * tolerance)?;
             total.add(&step);
             t += w;
             if black || total.is_dark(self.bands) {

@@ -111,7 +111,7 @@ impl Solid {
     }
 
     /// Calls `visit` for every closed form with the ray in its own space.
-    fn leaves(&self, o: Vec3, d: Vec3, visit: &mut dyn FnMut(&Form, Option<&[Vec3; 3]>, Vec3, Vec3)) {
+    pub(super) fn leaves(&self, o: Vec3, d: Vec3, visit: &mut dyn FnMut(&Form, Option<&[Vec3; 3]>, Vec3, Vec3)) {
         match self {
             Self::Everywhere => {}
             Self::Union(parts) | Self::Intersection(parts) => parts.iter().for_each(|p| p.leaves(o, d, visit)),
@@ -126,14 +126,6 @@ impl Solid {
                 visit(form, Some(rows), std::array::from_fn(|i| from[i] + offset[i]), own(d));
             }
         }
-    }
-
-    /// A number that stays the same while a ray meets the same faces in the same way up to `reach`: where it changes, what
-    /// is summed along the ray may not be smooth. Fields of `sdf` are left out.
-    pub(super) fn signature(&self, o: Vec3, d: Vec3, reach: f64) -> u64 {
-        let mut hash = SIGNATURE;
-        self.leaves(o, d, &mut |form, _, o, d| hash = mix(hash, form.signature(o, d, reach)));
-        hash
     }
 
     /// The one stretch of the ray that is inside, where that is all there can be and no list is needed: outer `None` asks for
@@ -151,134 +143,6 @@ impl Solid {
             },
             Self::Part { .. } | Self::Union(_) | Self::Intersection(_) | Self::Difference(..) => None,
         }
-    }
-
-    /// A box around it, if it has one that is easily seen.
-    pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let join = |x: (Vec3, Vec3), y: (Vec3, Vec3)| -> (Vec3, Vec3) {
-            (std::array::from_fn(|i| x.0[i].min(y.0[i])), std::array::from_fn(|i| x.1[i].max(y.1[i])))
-        };
-        match self {
-            Self::Everywhere => None,
-            Self::Union(parts) => {
-                let all: Option<Vec<_>> = parts.iter().map(Self::bounds).collect();
-                all?.into_iter().reduce(join)
-            }
-            // Any of them holds it.
-            Self::Intersection(parts) => {
-                let size = |b: &(Vec3, Vec3)| length(sub(b.1, b.0));
-                parts.iter().filter_map(Self::bounds).min_by(|x, y| size(x).total_cmp(&size(y)))
-            }
-            Self::Difference(first, _) => first.bounds(),
-            Self::Part { from_world, form } => {
-                let (low, high) = form.bounds()?;
-                let Some((rows, offset)) = from_world else { return Some((low, high)) };
-                let corner = |i: usize| {
-                    let own: Vec3 = std::array::from_fn(|c| if i >> c & 1 == 0 { low[c] } else { high[c] } - offset[c]);
-                    solve_three(rows, own).map(|p| (p, p))
-                };
-                let corners: Option<Vec<_>> = (0..8).map(corner).collect();
-                corners?.into_iter().reduce(join)
-            }
-        }
-    }
-
-    /// Whether it is a shell that begins at this radius.
-    pub(super) fn is_shell_over(&self, at: Vec3, radius: f64) -> bool {
-        matches!(self, Self::Part { from_world: None, form: Form::Shell { center, inner, .. } }
-            if *center == at && *inner == radius)
-    }
-
-    /// Cones of directions from `p` (a unit vector and an angle about it) at whose rims what a ray meets changes: rims of balls,
-    /// and corners as cones without width. Only hints: what is hard to see is left out.
-    pub(super) fn cones(&self, p: Vec3, out: &mut Vec<(Vec3, f64)>) {
-        // Positions in a part's own space, and back.
-        self.leaves(p, [0.0; 3], &mut |form, rows, own, _| {
-            let to_world = |v: Vec3| match rows {
-                None => Some(v),
-                Some(rows) => solve_three(rows, v),
-            };
-            let mut towards = |q: Vec3, radius: f64| {
-                let Some(way) = to_world(sub(q, own)) else { return };
-                let stretch = to_world([1.0, 0.0, 0.0]).map_or(1.0, length);
-                let (far, radius) = (length(way), radius * stretch);
-                if let Some(way) = crate::frame::vector::normalize(way)
-                    && far > radius
-                {
-                    out.push((way, (radius / far).asin()));
-                }
-            };
-            match *form {
-                Form::Ball { center, radius } => towards(center, radius),
-                Form::Shell { center, inner, outer } => {
-                    towards(center, outer);
-                    if inner > 0.0 {
-                        towards(center, inner);
-                    }
-                }
-                Form::Ellipsoid { center, .. } => towards(center, 0.0),
-                Form::Box { min, max } => {
-                    for i in 0..8 {
-                        towards(std::array::from_fn(|c| if i >> c & 1 == 0 { min[c] } else { max[c] }), 0.0);
-                    }
-                }
-                Form::Cylinder { from, to, .. } => {
-                    towards(from, 0.0);
-                    towards(to, 0.0);
-                }
-                Form::Slab { axis, .. } => {
-                    // Directions within the slab are those across its axis, whatever the transform.
-                    let across = match rows {
-                        None => axis,
-                        Some(rows) => std::array::from_fn(|c| (0..3).map(|i| rows[i][c] * axis[i]).sum()),
-                    };
-                    out.extend(crate::frame::vector::normalize(across).map(|a| (a, std::f64::consts::FRAC_PI_2)));
-                }
-                Form::Sdf { .. } => {}
-            }
-        });
-    }
-
-    /// Normal of the boundary that the ray meets at `t`, of either sign. `sdf` gives the value and gradient of a field there.
-    pub(super) fn normal(
-        &self,
-        o: Vec3,
-        d: Vec3,
-        t: f64,
-        sdf: &mut dyn FnMut(NodeId) -> Option<(f64, Vec3)>,
-    ) -> Option<Vec3> {
-        // Of all parts the one whose boundary is nearest.
-        let mut best: Option<(f64, Vec3)> = None;
-        self.leaves(o, d, &mut |form, rows, o, d| {
-            let found = match form {
-                // The field sees the world whatever the transform says.
-                Form::Sdf { field } => sdf(*field).map(|(value, slope)| (value.abs() / length(slope), slope)),
-                Form::Ball { .. }
-                | Form::Ellipsoid { .. }
-                | Form::Box { .. }
-                | Form::Slab { .. }
-                | Form::Cylinder { .. }
-                | Form::Shell { .. } => {
-                    let p = std::array::from_fn(|i| d[i].mul_add(t, o[i]));
-                    let Some((_, own)) = form.face(p) else { return };
-                    let ends = form.intervals(o, d).0;
-                    let off =
-                        ends.iter().flat_map(|(a, b)| [(a - t).abs(), (b - t).abs()]).fold(f64::INFINITY, f64::min);
-                    let world = match rows {
-                        None => own,
-                        Some(rows) => std::array::from_fn(|c| (0..3).map(|i| rows[i][c] * own[i]).sum()),
-                    };
-                    Some((off, world))
-                }
-            };
-            if let Some((off, normal)) = found
-                && let Some(normal) = crate::frame::vector::normalize(normal)
-                && best.is_none_or(|b| off < b.0)
-            {
-                best = Some((off, normal));
-            }
-        });
-        best.map(|b| b.1)
     }
 
     /// Where the ray `o + t·d`, `t ≥ 0`, |d| = 1, is inside. `sdf` gives the intervals where a field is negative, at least
@@ -333,97 +197,9 @@ impl Solid {
     }
 }
 
-/// The vector that a matrix of these rows takes to `v`.
-fn solve_three(rows: &[Vec3; 3], v: Vec3) -> Option<Vec3> {
-    let [a, b, c] = rows;
-    let volume = dot(*a, cross(*b, *c));
-    let (x, y, z) = (cross(*b, *c), cross(*c, *a), cross(*a, *b));
-    (volume != 0.0).then(|| std::array::from_fn(|i| (v[0] * x[i] + v[1] * y[i] + v[2] * z[i]) / volume))
-}
-
-const SIGNATURE: u64 = 0xcbf2_9ce4_8422_2325;
-
-/// Mixes a number into another (FNV).
-pub(super) fn mix(hash: u64, more: u64) -> u64 {
-    (hash ^ more).wrapping_mul(0x0100_0000_01b3)
-}
-
 impl Form {
-    fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let about = |center: Vec3, half: Vec3| {
-            Some((std::array::from_fn(|i| center[i] - half[i]), std::array::from_fn(|i| center[i] + half[i])))
-        };
-        match *self {
-            Self::Ball { center, radius } | Self::Shell { center, outer: radius, .. } => about(center, [radius; 3]),
-            Self::Ellipsoid { center, radii } => about(center, radii),
-            Self::Box { min, max } => Some((min, max)),
-            Self::Cylinder { from, to, radius } => Some((
-                std::array::from_fn(|i| from[i].min(to[i]) - radius),
-                std::array::from_fn(|i| from[i].max(to[i]) + radius),
-            )),
-            Self::Slab { .. } | Self::Sdf { .. } => None,
-        }
-    }
-
-    /// Which faces a ray meets up to `reach`, as a number.
-    fn signature(&self, o: Vec3, d: Vec3, reach: f64) -> u64 {
-        let mut hash = SIGNATURE;
-        for (a, b) in self.intervals(o, d).0 {
-            if a >= reach {
-                break;
-            }
-            let at = |t: f64| self.face(std::array::from_fn(|i| d[i].mul_add(t, o[i]))).map_or(0, |f| f.0 + 1);
-            hash = mix(hash, if a > 0.0 { at(a) } else { 0 });
-            hash = mix(hash, if b < reach { at(b) } else { 0 });
-        }
-        hash
-    }
-
-    /// Number and normal of the face nearest to a point of the boundary.
-    fn face(&self, p: Vec3) -> Option<(u64, Vec3)> {
-        match *self {
-            Self::Ball { center, .. } | Self::Shell { center, inner: 0.0, .. } => Some((0, sub(p, center))),
-            Self::Shell { center, inner, outer } => {
-                let m = sub(p, center);
-                let r = length(m);
-                Some((u64::from((r - inner).abs() < (r - outer).abs()), m))
-            }
-            Self::Ellipsoid { center, radii } => {
-                let m = sub(p, center);
-                Some((0, std::array::from_fn(|i| m[i] / (radii[i] * radii[i]))))
-            }
-            Self::Box { min, max } => {
-                let mut best = (f64::INFINITY, 0, [0.0; 3]);
-                for i in 0..3 {
-                    for (side, face) in [(0, min[i]), (1, max[i])] {
-                        let off = (p[i] - face).abs();
-                        if off < best.0 {
-                            best = (off, 2 * i as u64 + side, std::array::from_fn(|c| f64::from(u8::from(c == i))));
-                        }
-                    }
-                }
-                Some((best.1, best.2))
-            }
-            Self::Slab { axis, from, to } => {
-                let x = dot(axis, p);
-                Some((u64::from((x - from).abs() < (x - to).abs()), axis))
-            }
-            Self::Cylinder { from, to, radius } => {
-                let axis = sub(to, from);
-                let height = length(axis);
-                let axis = scale(axis, 1.0 / height);
-                let m = sub(p, from);
-                let x = dot(m, axis);
-                let side = sub(m, scale(axis, x));
-                let [low, high, off] = [x.abs(), (x - height).abs(), (length(side) - radius).abs()];
-                if off <= low.min(high) { Some((0, side)) } else { Some((1 + u64::from(high < low), axis)) }
-            }
-            Self::Sdf { .. } => None,
-        }
-    }
-
     /// Any direction, also of other than unit length.
-    fn intervals(&self, o: Vec3, d: Vec3) -> Intervals {
+    pub(super) fn intervals(&self, o: Vec3, d: Vec3) -> Intervals {
         match *self {
             Self::Shell { center, inner, outer } => {
                 let of = |radius: f64| Intervals(Self::Ball { center, radius }.span(o, d).into_iter().collect());
@@ -606,148 +382,6 @@ impl AltitudeRay {
     }
 }
 
-/// Samples of one run of a tape.
-const N: usize = 8;
-
-/// Where a field is negative along a ray, within some set of parameters.
-///
-/// Each interval of the set is walked in 64 stretches, in octaves beyond a quarter unit and up to 2⁴⁰. A stretch of 10 samples
-/// is dismissed where the field cannot reach zero if its slope along the ray is nowhere more than twice the largest slope
-/// between neighbouring samples of that stretch; elsewhere it is divided. This is what is guaranteed: no crossing is missed of
-/// a field that keeps that condition from the first division on. Beyond 4096 units eight samples have to do for the first
-/// look at an octave. Crossings are found to the last bits by bisection.
-///
-/// # Errors
-/// Whatever `f` fails with.
-pub(super) fn negative<E>(
-    within: &Intervals,
-    mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>,
-) -> Result<Intervals, E> {
-    let mut all = Intervals::empty();
-    for (from, to) in &within.0 {
-        let found = negative_between(*from, *to, &mut f)?;
-        all = all.union(&found);
-    }
-    Ok(all)
-}
-
-fn negative_between<E>(
-    from: f64,
-    to: f64,
-    mut f: impl FnMut(&[f64; N]) -> Result<[f64; N], E>,
-) -> Result<Intervals, E> {
-    const PARTS: usize = 8;
-    const NEAR: f64 = 4096.0;
-    let mut ends: Vec<f64> = (-2..40).map(|k| 2f64.powi(k)).filter(|e| *e > from && *e < to).collect();
-    if to.is_finite() {
-        // One octave at a time is for rays without end; a short interval is looked at as a whole.
-        if to <= NEAR {
-            ends.clear();
-        }
-        ends.push(to);
-    }
-    let first = f(&[from; N])?[0];
-    let mut crossings: Vec<f64> = vec![];
-    let mut inside = first < 0.0;
-    let mut result = Intervals::empty();
-    let (mut start, mut f_start) = (from, first);
-    for end in ends {
-        let width = (end - start) / PARTS as f64;
-        let ts: [f64; N] = std::array::from_fn(|i| if i + 1 == PARTS { end } else { start + width * (i + 1) as f64 });
-        let values = f(&ts)?;
-        let slope = (1..N).map(|i| (values[i] - values[i - 1]).abs()).fold((values[0] - f_start).abs(), f64::max);
-        let least = values.iter().fold(f_start.abs(), |m, v| m.min(v.abs()));
-        if end > NEAR && least > 2.0 * slope {
-            (start, f_start) = (end, values[PARTS - 1]);
-            continue;
-        }
-        let mut stack = vec![];
-        for i in (0..PARTS).rev() {
-            let before = if i == 0 { (start, f_start) } else { (ts[i - 1], values[i - 1]) };
-            stack.push((before, (ts[i], values[i]), 0));
-        }
-        while let Some(((a, fa), (b, fb), depth)) = stack.pop() {
-            let step = (b - a) / 9.0;
-            if depth > 15 || step <= f64::EPSILON * b {
-                if (fa < 0.0) != (fb < 0.0) {
-                    crossings.push(b);
-                }
-                continue;
-            }
-            let ts: [f64; N] = std::array::from_fn(|i| a + step * (i + 1) as f64);
-            let inner = f(&ts)?;
-            let point = |i: usize| match i {
-                0 => (a, fa),
-                9 => (b, fb),
-                i => (ts[i - 1], inner[i - 1]),
-            };
-            let steepest = (0..9).map(|i| (point(i + 1).1 - point(i).1).abs()).fold(0.0, f64::max);
-            let mut pieces = vec![];
-            for i in 0..9 {
-                let (p, q) = (point(i), point(i + 1));
-                let crosses = (p.1 < 0.0) != (q.1 < 0.0);
-                if crosses || p.1.abs() + q.1.abs() <= 2.0 * steepest {
-                    // A crossing amid steady slopes is a single one.
-                    let slope = q.1 - p.1;
-                    let steady = |i: usize| {
-                        let s = point(i + 1).1 - point(i).1;
-                        s * slope > 0.0 && s.abs() > 0.5 * slope.abs() && s.abs() < 2.0 * slope.abs()
-                    };
-                    if crosses && depth > 0 && steady(i.max(1) - 1) && steady((i + 1).min(8)) {
-                        pieces.push((p, q, true));
-                    } else {
-                        pieces.push((p, q, false));
-                    }
-                }
-            }
-            // Bisection is exact enough to run at once when nothing uncertain lies before it; order is kept by depth.
-            for (p, q, single) in pieces.into_iter().rev() {
-                if single {
-                    let t = bisect(&mut f, p, q)?;
-                    stack.push(((t, p.1), (t, q.1), u32::MAX));
-                } else {
-                    stack.push((p, q, depth + 1));
-                }
-            }
-        }
-        f_start = values[PARTS - 1];
-        start = end;
-    }
-    let mut from = from;
-    for t in crossings {
-        if inside && t > from {
-            result.0.push((from, t));
-        }
-        inside = !inside;
-        from = t;
-    }
-    if inside && from < to {
-        result.0.push((from, to));
-    }
-    Ok(result)
-}
-
-/// Narrows a change of sign nine-fold at each run.
-fn bisect<E>(
-    f: &mut impl FnMut(&[f64; N]) -> Result<[f64; N], E>,
-    (mut a, fa): (f64, f64),
-    (mut b, _): (f64, f64),
-) -> Result<f64, E> {
-    let negative = fa < 0.0;
-    for _ in 0..20 {
-        let step = (b - a) / 9.0;
-        if step <= f64::EPSILON * b * 0.25 {
-            break;
-        }
-        let ts: [f64; N] = std::array::from_fn(|i| a + step * (i + 1) as f64);
-        let values = f(&ts)?;
-        let same = values.iter().take_while(|v| (**v < 0.0) == negative).count();
-        let (low, high) = (if same == 0 { a } else { ts[same - 1] }, if same == N { b } else { ts[same] });
-        (a, b) = (low, high);
-    }
-    Ok(0.5 * (a + b))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -814,42 +448,5 @@ mod tests {
         let egg = Form::Ellipsoid { center: [0.0; 3], radii: [1.0, 2.0, 3.0] };
         let t = hit(&egg, [0.0, 0.0, -5.0], [0.0, 0.0, 1.0]);
         assert!((t[0].0 - 2.0).abs() < 1e-14 && (t[0].1 - 8.0).abs() < 1e-14);
-    }
-
-    fn sdf(f: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
-        negative(&Intervals::all(), |ts| Ok::<_, ()>(ts.map(&f))).unwrap().0
-    }
-
-    #[test]
-    fn negative_parts_of_fields() {
-        let close = |got: Vec<(f64, f64)>, want: &[(f64, f64)]| {
-            assert_eq!(got.len(), want.len(), "{got:?}");
-            for (g, w) in got.iter().zip(want) {
-                assert!(
-                    (g.0 - w.0).abs() <= 1e-13 * w.0 && (g.1 == w.1 || (g.1 - w.1).abs() <= 1e-13 * w.1),
-                    "{got:?}"
-                );
-            }
-        };
-        close(sdf(|t| (t - 4.0f64).abs() - 1.0), &[(3.0, 5.0)]);
-        close(sdf(|t| (t - 4.0f64).powi(2) - 1.0), &[(3.0, 5.0)]);
-        close(sdf(|t| 3.0 - t), &[(3.0, f64::INFINITY)]);
-        close(sdf(|t| t - 3.0), &[(0.0, 3.0)]);
-        close(sdf(|t| t + 3.0), &[]);
-        // A slit of a thousandth, a wall of a thousandth, touching without entering.
-        close(sdf(|t| ((t - 4.0f64).abs() - 1.0).max(5e-4 - (t - 4.1f64).abs())), &[(3.0, 4.0995), (4.1005, 5.0)]);
-        close(sdf(|t| (t - 4.1f64).abs() - 5e-4), &[(4.0995, 4.1005)]);
-        close(sdf(|t| (t - 4.0f64).powi(2)), &[]);
-        close(sdf(|t| (t - 100.0f64).hypot(1.0) - 1.0 - 1e-9), &[(100.0 - 4.472_135_955e-5, 100.0 + 4.472_135_955e-5)]);
-    }
-
-    #[test]
-    fn many_crossings() {
-        let got = sdf(|t| if t < 10.0 { (20.0 * t).sin() } else { (200.0f64).sin().abs() + t - 10.0 });
-        assert_eq!(got.len(), 32);
-        for (k, g) in got.iter().enumerate() {
-            let pi = std::f64::consts::PI;
-            assert!((g.0 - (2 * k + 1) as f64 * pi / 20.0).abs() < 1e-13, "{k}: {g:?}");
-        }
     }
 }

@@ -4,8 +4,8 @@
 //! divided where the decay of their coefficients asks for it; panels are cut where the signature of the integrand changes,
 //! which is where a direction begins to meet something else.
 
+use super::faces::mix;
 use super::gauss::{Decay, N, Nodes, RULE};
-use super::shape::mix;
 use super::split::sort_splits;
 use super::trace::{BANDS, PerBand};
 use crate::frame::vector::{Vec3, cross, dot, normalize};
@@ -255,8 +255,9 @@ struct Cap<'a> {
     tolerance: Tolerance,
 }
 
-/// Cuts of φ: an odd number of halves, so that no symmetry hides from the nodes.
-const TURN: [f64; 4] = [0.0, 2.0 / 3.0 * PI, 4.0 / 3.0 * PI, 2.0 * PI];
+/// Cuts of φ.
+const THIRDS: [f64; 4] = [0.0, 2.0 / 3.0 * PI, 4.0 / 3.0 * PI, 2.0 * PI];
+const HALVES: [f64; 3] = [0.0, PI, 2.0 * PI];
 
 impl Cap<'_> {
     fn ring(&mut self, u: f64) -> Result<Integral, Diagnostic> {
@@ -290,10 +291,10 @@ impl Integrand for Cap<'_> {
 
 /// Cuts of φ and of u where rings about an axis touch the rims of cones: there a thin sliver of a cone begins that no node
 /// would see.
-fn touches([x, y, z]: &[Vec3; 3], cones: &[(Vec3, f64)], cuts: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn touches([x, y, z]: &[Vec3; 3], cones: &[(Vec3, f64)], cuts: &[f64], turn: &[f64]) -> (Vec<f64>, Vec<f64>) {
     /// More cones than these cost more than they show.
     const MOST: usize = 12;
-    let (mut turn, mut us) = (TURN.to_vec(), cuts.to_vec());
+    let (mut turn, mut us) = (turn.to_vec(), cuts.to_vec());
     let (low, high) = (cuts[0], cuts[cuts.len() - 1]);
     for (direction, angle) in cones.iter().take(MOST) {
         let sine = dot(*direction, *x).hypot(dot(*direction, *y));
@@ -329,7 +330,8 @@ pub(super) fn over_cap(
     bands: usize,
     relative: f64,
 ) -> Result<Integral, Diagnostic> {
-    let (turn, cuts) = touches(&frame(axis), &of.cones(), cuts);
+    let fine = relative < 1e-6;
+    let (turn, cuts) = touches(&frame(axis), &of.cones(), cuts, if fine { &THIRDS } else { &HALVES });
     let loose = Tolerance { relative: 1e-2, absolute: [0.0; BANDS] };
     let mut cap = Cap { of, frame: frame(axis), turn, bands, tolerance: loose };
     // A crude mean first, so that rings that hardly matter are not followed to their last digit.
@@ -339,7 +341,7 @@ pub(super) fn over_cap(
         let ring = cap.ring(low + (high - low) * [0.069, 0.33, 0.67, 0.93][i])?;
         (0..bands).for_each(|b| mean[b] += 0.25 * ring.value[b]);
     }
-    cap.tolerance = Tolerance { relative: 0.1 * relative, absolute: mean.map(|m| 0.1 * relative * m) };
+    cap.tolerance = Tolerance { relative: 0.2 * relative, absolute: mean.map(|m| 0.2 * relative * m) };
     let total = Tolerance { relative, absolute: [0.0; BANDS] };
     integrate(&mut cap, &cuts, bands, &total)
 }

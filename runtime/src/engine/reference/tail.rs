@@ -60,12 +60,16 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             }
             return Ok(rest);
         }
+        let closed = |m: &usize| self.fields.media[*m].shade.as_ref().is_some_and(|s| s.closed.is_some());
+        let smooth = segment.active.iter().all(closed);
         let (mut t, mut w) = (segment.start, FIRST);
         let mut previous: Option<(PerBand, PerBand, f64)> = None;
         loop {
             let before = compose(panels, &[0.0; BANDS], bands);
             let first = panels.len();
-            self.first(ray, segments, index, (t, t + w), (8, 512.0), panels)?;
+            // Each node of what scatters is dear, and closed forms are smooth.
+            let least = if segment.scatters && smooth { 1 } else { 8 };
+            self.first(ray, segments, index, (t, t + w), (least, 512.0), panels)?;
             t += w;
             let after = compose(panels, &[0.0; BANDS], bands);
             let steps: PerBand = std::array::from_fn(|b| panels[first..].iter().map(|p| p.slices[b].tau).sum::<f64>());

@@ -4,9 +4,10 @@ use super::compose::Panel;
 use super::field::{Fields, Ray, bad_field};
 use super::gauss::{N, Nodes, RULE};
 use super::interval::Intervals;
+use super::negative::negative;
 use super::panel::{Slice, solve_noisy};
 use super::scatter::{Behind, PLACES};
-use super::shape::{Solid, negative};
+use super::shape::Solid;
 use super::split::{sort_splits, splits_of, thin};
 use super::surface::Meshes;
 use super::tail::Rest;
@@ -58,6 +59,8 @@ pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) k_s: Vec<[Nodes; BANDS]>,
     /// Where the ray is cut besides: lights' places, and the depths of the scattering segment at hand.
     marks: Vec<f64>,
+    /// Optical depth before the panel at hand.
+    pub(super) front: PerBand,
     /// Tolerance of what arrives at a point: relative, of an optical depth absolute.
     pub(super) inner: f64,
     /// Rough tolerances: cheaper tapes.
@@ -95,6 +98,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             sky: fields.background.tape.scratch(),
             k_s: vec![[[0.0; N]; BANDS]; media.len()],
             marks: vec![],
+            front: [0.0; BANDS],
             inner: 0.0,
             lean: false,
             rough: false,
@@ -257,6 +261,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 let reach = if slices[band].tau > 0.0 { super::panel::phi(slices[band].tau) } else { 1.0 };
                 inner[band] = wrong.map_or(0.0, |w| h * reach * w[band].iter().fold(0.0f64, |m, x| m.max(*x)));
             }
+            (0..self.bands).for_each(|b| self.front[b] += slices[b].tau);
             out.push(Panel {
                 a,
                 h,
@@ -339,6 +344,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         self.overflow = [false; BANDS];
         self.lean = options.is_lean();
         self.rough = self.lean && options.rtol >= 5e-4;
+        self.front = [0.0; BANDS];
         self.tolerances(options)
     }
 
@@ -361,12 +367,16 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         }
         let mut panels = vec![];
         let mut rest = Rest::default();
+        self.front = [0.0; BANDS];
         for (i, segment) in segments.iter().enumerate() {
             self.mark(ray, segment)?;
             if segment.end.is_finite() {
+                let still = segment.active.iter().all(|m| self.fields.media[*m].field.uniform);
                 let least = match (segment.scatters, self.rough) {
                     // Where fields vary they ask for more by themselves.
-                    (true, _) if segment.active.iter().all(|m| self.fields.media[*m].field.uniform) => 4,
+                    (true, _) if still => 4,
+                    // Light from everywhere costs much and varies little.
+                    (true, true) if self.fields.environment => 6,
                     (_, true) => 16,
                     (_, false) => 32,
                 };
