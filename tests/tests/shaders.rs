@@ -14,7 +14,10 @@ fn compiled(path: &Path, options: &Options) -> Compilation {
 
 /// Examples and test scenes, those without a closed form too.
 fn scenes() -> Vec<PathBuf> {
-    ["examples", "tests/suite", "tests/suite/light", "tests/suite/agree"].into_iter().flat_map(|folder| files(folder, "vol")).collect()
+    ["examples", "tests/suite", "tests/suite/light", "tests/suite/agree"]
+        .into_iter()
+        .flat_map(|folder| files(folder, "vol"))
+        .collect()
 }
 
 fn program(out: &Compilation) -> &Program {

@@ -308,11 +308,23 @@ impl Tracer<'_> {
         let mut all: Vec<Crossing> = known.into_iter().enumerate().map(crossing).collect();
         if self.in_scattered.is_some() && matches!(self.walk, Walk::Eye) {
             for light in &scene.lights {
-                let LightKind::Point { position, .. } = light.kind else { continue };
+                let LightKind::Point { position, radius, .. } = light.kind else { continue };
                 let at = self.builder.value(self.graph, position, &format!("{}_position", light.name));
-                let start = (ray.origin.clone() - at).dot(ray.direction.clone());
+                let way = code.bind("from_lamp", Ty::VEC3, ray.origin.clone() - at);
+                let start = way.clone().dot(ray.direction.clone());
                 let start = code.bind(&format!("past_{}", light.name), Ty::F32, start);
-                all.push(Crossing { start, rate: Expr::F32(1.0), every_whole: false });
+                all.push(Crossing { start: start.clone(), rate: Expr::F32(1.0), every_whole: false });
+                let Some(radius) = radius else { continue };
+                // Where the light begins and ends to be clamped.
+                let radius = self.builder.value(self.graph, radius, &format!("{}_radius", light.name));
+                let foot = way - ray.direction.clone() * start.clone().splat(3);
+                let foot = code.bind("foot", Ty::VEC3, foot);
+                let half = (radius.clone() * radius - foot.clone().dot(foot)).max(0.0).sqrt();
+                let half = code.bind("half_chord", Ty::F32, half);
+                for edge in [start.clone() + half.clone(), start - half] {
+                    let start = code.bind("past_edge", Ty::F32, edge);
+                    all.push(Crossing { start, rate: Expr::F32(1.0), every_whole: false });
+                }
             }
         }
         all
