@@ -336,7 +336,7 @@ impl Tracer<'_> {
         };
         let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
         let to = Self::around(code, &axis, &frame, &mu, turns);
-        let value = self.from_ray(code, &to, &[node]).remove(0);
+        let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
         let e = code.bind("irradiance", Ty::float(lw), e);
         let half = Expr::Local(i) * 0.5;
@@ -387,7 +387,7 @@ impl Tracer<'_> {
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
         let to = Self::sky_direction(code, &i.into());
-        let value = self.from_ray(code, &to, &[node]).remove(0);
+        let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
         let e = code.bind("irradiance", Ty::float(lw), e);
         let half = Expr::Local(i) * 0.5;

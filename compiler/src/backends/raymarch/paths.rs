@@ -244,7 +244,7 @@ impl Tracer<'_> {
             self.invert(code, ray, &closed, (a, b), &target, flight, (stop, ends));
         }
         if !open.is_empty() {
-            self.track(code, ray, state, &open, &closed, a, flight, (stop, ends));
+            self.track(code, ray, state, (&open, &closed), a, flight, (stop, ends));
         }
         let stop = code.bind("stops", Ty::F32, stop);
         if let Some(depth) = self.depth_between(code, ray, &closed, a, &stop, "passed") {
@@ -399,8 +399,7 @@ impl Tracer<'_> {
         code: &mut Code,
         ray: &Ray,
         state: &State,
-        open: &[&Medium<'_>],
-        closed: &[&Medium<'_>],
+        (open, closed): (&[&Medium<'_>], &[&Medium<'_>]),
         a: &Expr,
         flight: &Flight,
         (stop, ends): (LocalId, LocalId),

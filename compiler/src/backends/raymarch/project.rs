@@ -63,7 +63,7 @@ impl Tracer<'_> {
                 let name = format!("{}_data", matter.name);
                 let roots = [("value", value)];
                 let function = field_function(self.graph, &scene.tiers, self.builder, &name, matter.span, &roots);
-                let hoisted = self.from_ray(code, &-ray.direction.clone(), &function.hoisted);
+                let hoisted = self.along_ray(code, &-ray.direction.clone(), &function.hoisted);
                 medium.function = Some((function, hoisted));
             }
             out.push(medium);

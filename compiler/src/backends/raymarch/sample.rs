@@ -70,7 +70,8 @@ impl Tracer<'_> {
         let sums = self.media_sums(code, ray, state, media, &t, tag, lights.is_some());
         let (mut source_error, mut visible) = (None, None);
         if let (Some(lights), Some(source)) = (lights, sums.source) {
-            (source_error, visible) = self.add_scattered(code, ray, state, &lights, &sums.scattering, source, &p, tag);
+            (source_error, visible) =
+                self.add_scattered(code, ray, state, &lights, (&sums.scattering, source), &p, tag);
         }
         let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
             var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
@@ -132,8 +133,7 @@ impl Tracer<'_> {
         ray: &Ray,
         state: &State,
         lights: &InScattered,
-        scattering: &[LocalId],
-        source: LocalId,
+        (scattering, source): (&[LocalId], LocalId),
         p: &Expr,
         tag: &str,
     ) -> (Option<LocalId>, Option<LocalId>) {

@@ -218,7 +218,7 @@ impl Tracer<'_> {
         let mut hoisted = vec![];
         for sdf in sdfs {
             hoisted.push(match sdf {
-                Some(sdf) => self.from_ray(code, &-ray.direction.clone(), &sdf.field.hoisted),
+                Some(sdf) => self.along_ray(code, &-ray.direction.clone(), &sdf.field.hoisted),
                 None => vec![],
             });
         }

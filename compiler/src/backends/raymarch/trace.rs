@@ -162,7 +162,7 @@ impl Tracer<'_> {
     }
 
     /// Nodes of tier Ray on a ray along which light travels in this direction.
-    pub(super) fn from_ray(&mut self, code: &mut Code, direction: &Expr, nodes: &[NodeId]) -> Vec<Expr> {
+    pub(super) fn along_ray(&mut self, code: &mut Code, direction: &Expr, nodes: &[NodeId]) -> Vec<Expr> {
         let mut writer = Writer::new(self.graph, &self.scene.tiers);
         writer.know_input(Input::Direction, direction.clone());
         writer.write(self.builder, code, nodes)
@@ -482,7 +482,7 @@ impl Tracer<'_> {
             let function = sampled.then(|| {
                 let name = if eye { format!("{}_at", matter.name) } else { format!("{}_k_t", matter.name) };
                 let function = field_function(self.graph, tiers, self.builder, &name, matter.span, &roots);
-                let hoisted = self.from_ray(code, &travel, &function.hoisted);
+                let hoisted = self.along_ray(code, &travel, &function.hoisted);
                 (function, hoisted)
             });
             let mut constant = |node: Option<NodeId>, varying: Option<NodeId>, name: &str| {
@@ -493,7 +493,7 @@ impl Tracer<'_> {
                     if tiers[n.0 as usize] <= Tier::Frame {
                         return self.builder.value(self.graph, n, &format!("{}_{name}", matter.name));
                     }
-                    let value = self.from_ray(code, &travel, &[n]).remove(0);
+                    let value = self.along_ray(code, &travel, &[n]).remove(0);
                     code.bind(&format!("{}_{name}", matter.name), Ty::float(self.graph.width(n)), value)
                 })
             };
@@ -534,7 +534,7 @@ impl Tracer<'_> {
         let mut sdf_arguments: Vec<Vec<Expr>> = vec![];
         for sdf in sdfs {
             sdf_arguments.push(match sdf {
-                Some(sdf) => self.from_ray(code, &travel, &sdf.field.hoisted),
+                Some(sdf) => self.along_ray(code, &travel, &sdf.field.hoisted),
                 None => vec![],
             });
         }
@@ -702,7 +702,7 @@ impl Tracer<'_> {
     pub(super) fn background(&mut self, code: &mut Code, ray: &Ray) -> Option<Expr> {
         let node = self.scene.background?;
         // A sky is seen along the ray.
-        let value = self.from_ray(code, &ray.direction, &[node]).remove(0);
+        let value = self.along_ray(code, &ray.direction, &[node]).remove(0);
         Some(widen(value, self.graph.width(node), self.scene.light_width))
     }
 
