@@ -19,6 +19,12 @@ impl FaultTally {
         }
     }
 
+    /// Whether the driver ended loops early somewhere.
+    #[must_use]
+    pub fn is_cut_short(&self) -> bool {
+        self.found.contains_key(&Fault::CUT_SHORT)
+    }
+
     /// Whether nothing went wrong.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -2,6 +2,8 @@
 
 /// Batches before a standard error is believed: with 32 it is itself known to 1/√62 = 13 %.
 pub(super) const LEAST_BATCHES: u32 = 32;
+/// Paths that one invocation follows at most: drivers limit how long a shader may run, some without a word.
+pub(super) const TOGETHER: u32 = 8;
 /// Paths of a pixel or ray when neither `samples` nor the accuracy ends it before.
 pub(super) const MOST_PATHS: u32 = 1 << 20;
 

@@ -1,7 +1,7 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
 use super::measure::{Measured, Samples, worst};
-use super::paths::{Batches, LEAST_BATCHES, Tally};
+use super::paths::{Batches, LEAST_BATCHES, TOGETHER, Tally};
 use super::{
     Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, LoadedMesh, Params, Vec3, pack_ray, sample_offsets,
     scene_bounds,
@@ -491,23 +491,44 @@ impl Session {
         let (mut milliseconds, mut dispatches, mut clock, mut look) = (0.0, 0, Clock::Gpu, LEAST_BATCHES);
         let mut transmittance = None;
         let mut cut_off = 0.0f64;
-        frame.paths = batches.size;
+        let mut faults = FaultTally::default();
+        // Paths of one dispatch: fewer if the driver turns out to end loops early.
+        let mut together = batches.size.min(TOGETHER);
+        let mut done_paths = 0;
+        let mut batch = vec![0.0f32; camera.size[0] as usize * camera.size[1] as usize * bands];
         while tally.batches() < batches.most {
-            frame.first_path = tally.batches() * batches.size;
+            frame.first_path = tally.batches() * batches.size + done_paths;
+            frame.paths = together.min(batches.size - done_paths);
             let mut canvas = Canvas::new(&program.plan, camera.size, bands, &frame);
             let Engine::Gpu(prepared) = &mut self.engine else {
                 return Err(self.trouble(Cause::Machine, Diagnostics::default()));
             };
             let timing = prepared.draw(&frame, &mut |tile, records| canvas.take(tile, records));
             let timing = timing.map_err(|e| self.broken(&e))?;
-            tally.add(&canvas.radiance);
-            cut_off = cut_off.max(canvas.predicted.map_or(0.0, |p| p.0));
-            transmittance = transmittance.or(canvas.transmittance);
             milliseconds += timing.milliseconds;
             dispatches += timing.dispatches;
             if timing.clock == Clock::Wall {
                 clock = Clock::Wall;
             }
+            if canvas.faults.is_cut_short() {
+                if frame.paths == 1 {
+                    faults = canvas.faults;
+                    break;
+                }
+                together = frame.paths / 2;
+                continue;
+            }
+            let share = frame.paths as f32 / batches.size as f32;
+            batch.iter_mut().zip(&canvas.radiance).for_each(|(sum, value)| *sum += share * value);
+            done_paths += frame.paths;
+            transmittance = transmittance.or(canvas.transmittance);
+            cut_off = cut_off.max(canvas.predicted.map_or(0.0, |p| p.0));
+            if done_paths < batches.size {
+                continue;
+            }
+            done_paths = 0;
+            tally.add(&batch);
+            batch.fill(0.0);
             let mut done = f64::from(tally.batches()) / f64::from(batches.most);
             if batches.open && tally.batches() >= look {
                 look = tally.batches() + batches.after(tally.batches());
@@ -536,7 +557,7 @@ impl Session {
                 Clock::Wall => "wall",
             },
             dispatches,
-            faults: Diagnostics::default(),
+            faults: faults.diagnostics(scene, "pixels"),
             params: params.clone(),
             time,
         })
@@ -723,40 +744,63 @@ impl Session {
         let bounds = scene_bounds(scene, &params.0, settings.time);
         let mut frame = self.frame(params, settings.time, None, bounds);
         self.check_majorants(&frame)?;
-        let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
+        let once: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
         let bands = scene.bands.count() as usize;
         let reader = Reader::new(&program.plan, bands);
         let batches = self.batches();
-        frame.paths = if batches.open { 256 } else { batches.size };
+        let size = if batches.open { 256 } else { batches.size };
         let most = if batches.open { batches.most / 64 } else { batches.most };
         let mut tally = Tally::new(rays.len() * bands);
         let (mut depth, mut clear, mut cut_off) = (vec![], vec![], 0.0f64);
+        // Each ray is followed by several invocations, each a few paths.
+        let mut together = size.min(TOGETHER);
         while tally.batches() < most {
-            frame.first_path = tally.batches() * frame.paths;
-            let mut batch: Vec<f32> = Vec::with_capacity(rays.len() * bands);
-            let first = tally.batches() == 0;
+            let copies = size.div_ceil(together);
+            frame.paths = together;
+            frame.first_path = tally.batches() * together;
+            let packed: Vec<_> = (0..copies).flat_map(|_| once.iter().copied()).collect();
+            let mut batch = vec![0.0f32; rays.len() * bands];
+            let (mut faults, mut number) = (FaultTally::default(), 0);
+            let (mut clear_now, mut depth_now) = (vec![], vec![]);
             let Engine::Gpu(prepared) = &mut self.engine else {
                 return Err(self.trouble(Cause::Machine, Diagnostics::default()));
             };
             let traced = prepared.trace(&frame, &packed, &mut |_, records| {
                 for record in records.chunks_exact(reader.stride) {
-                    batch.extend(reader.bands(record, OutputKind::Radiance));
-                    cut_off = cut_off.max(f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0)));
-                    if first {
-                        let list = |kind| reader.bands(record, kind).map(f64::from).collect::<Vec<f64>>();
-                        clear.push(list(OutputKind::Transmittance));
-                        depth.push(list(OutputKind::OpticalDepth));
+                    let own = number % rays.len() * bands;
+                    for (sum, value) in
+                        batch[own..own + bands].iter_mut().zip(reader.bands(record, OutputKind::Radiance))
+                    {
+                        *sum += value / copies as f32;
                     }
+                    cut_off = cut_off.max(f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0)));
+                    if number < rays.len() {
+                        let list = |kind| reader.bands(record, kind).map(f64::from).collect::<Vec<f64>>();
+                        clear_now.push(list(OutputKind::Transmittance));
+                        depth_now.push(list(OutputKind::OpticalDepth));
+                    }
+                    reader.fault(record, &mut faults);
+                    number += 1;
                 }
             });
             traced.map_err(|e| self.broken(&e))?;
+            if faults.is_cut_short() {
+                if together == 1 || tally.batches() > 0 {
+                    return Err(self.trouble(Cause::Machine, faults.diagnostics(scene, "rays")));
+                }
+                together /= 2;
+                continue;
+            }
+            if tally.batches() == 0 {
+                (clear, depth) = (clear_now, depth_now);
+            }
             tally.add(&batch);
             let enough = batches.open && tally.batches() >= LEAST_BATCHES;
             if enough && tally.worst(bands, frame.accuracy, 0.0).1 <= 1.0 {
                 break;
             }
         }
-        let paths = u64::from(tally.batches()) * u64::from(frame.paths);
+        let paths = u64::from(tally.batches()) * u64::from(size.div_ceil(together)) * u64::from(together);
         Ok((0..rays.len())
             .map(|i| RayAnswer {
                 radiance: tally.mean()[i * bands..(i + 1) * bands].to_vec(),

@@ -17,7 +17,7 @@ use crate::program::{Fault, FrameValue, Ledger, OutputKind};
 use std::f64::consts::PI;
 
 /// Share of the directions that are drawn evenly, so that no weight is without bound.
-const EVEN: f64 = 0.1;
+const EVEN: f64 = 0.02;
 /// Collisions after which roulette begins.
 const SURE: u32 = 3;
 
@@ -650,36 +650,42 @@ impl Tracer<'_> {
         let mean = self.mean_density(flight, &Expr::Local(flight.extinction));
         let mean = code.bind("mean_k_t", Ty::F32, mean);
         if self.scene.matter.iter().any(|m| m.emission.is_some() && !self.is_tracked(m)) {
-            let gain = Expr::Local(flight.weight) * Expr::Local(flight.emission) / mean.clone().splat(lw);
+            let gain = Expr::Local(flight.weight) * Expr::Local(flight.emission) / mean.splat(lw);
             code.add(light, gain);
         }
-        let share = Expr::Local(flight.extinction) / mean.clone().splat(dw);
-        code.set(flight.density, Expr::Local(flight.density) * share);
-        // One phase function of those that scatter here, by what each scatters.
-        let most: Vec<Expr> =
-            flight.scattering.iter().map(|k| code.bind("k_s_most", Ty::F32, largest(Expr::Local(*k), lw))).collect();
-        let total = most.iter().cloned().reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0));
+        // One phase function of those that scatter here, by what each scatters in the deciding band. Every band has its own
+        // probability of that choice, which counts like those of the flight: else weights would drift where media overlap.
+        let narrow = |k: LocalId| if dw == lw { Expr::Local(k) } else { Expr::Local(k).component_if(lw, 0) };
+        let own: Vec<Expr> =
+            flight.scattering.iter().map(|k| code.bind("k_s_own", Ty::F32, self.heroic(flight, &narrow(*k)))).collect();
+        let total = own.iter().cloned().reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0));
         let total = code.bind("k_s_total", Ty::F32, total);
         code.break_if(total.clone().less_equal(0.0));
         let which = code.var("which", Ty::U32, 0u32);
         let chosen = code.var("k_s_chosen", Ty::float(lw), Expr::F32(0.0).splat(lw));
-        let chance = code.var("chance", Ty::F32, 1.0);
+        let mut density = Expr::Local(flight.extinction);
         if flight.scattering.len() == 1 {
             code.set(chosen, flight.scattering[0]);
         } else {
-            let pick = random.draw(code, flight.rng) * total.clone();
+            let pick = random.draw(code, flight.rng) * total;
             let pick = code.var("pick", Ty::F32, pick);
-            for (i, (k, most)) in flight.scattering.iter().zip(&most).enumerate() {
-                let mine = Expr::Local(pick).greater_equal(0.0).and(Expr::Local(pick).less(most.clone()));
+            let last = flight.scattering.len() - 1;
+            for (i, (k, own)) in flight.scattering.iter().zip(&own).enumerate() {
+                let below = if i == last { Expr::F32(FAR) } else { own.clone() };
+                let mine = Expr::Local(pick).greater_equal(0.0).and(Expr::Local(pick).less(below));
                 code.if_(mine, |code| {
                     code.set(which, i as u32);
                     code.set(chosen, *k);
-                    code.set(chance, most.clone() / total.clone());
                 });
-                code.set(pick, Expr::Local(pick) - most.clone());
+                code.set(pick, Expr::Local(pick) - own.clone());
             }
+            let all = flight.scattering.iter().map(|k| narrow(*k)).reduce(|a, b| a + b).unwrap_or(Expr::F32(1.0));
+            density = density * narrow(chosen) / all.max(Expr::F32(1e-37).splat(dw));
         }
-        let scattered = Expr::Local(chosen) / (mean * Expr::Local(chance)).splat(lw);
+        let density = code.bind("chance", Ty::float(dw), density);
+        let mean = code.bind("mean_chance", Ty::F32, self.mean_density(flight, &density));
+        code.set(flight.density, Expr::Local(flight.density) * density / mean.clone().splat(dw));
+        let scattered = Expr::Local(chosen) / mean.splat(lw);
         code.set(flight.weight, Expr::Local(flight.weight) * scattered);
         let value = |this: &mut Self, code: &mut Code, to: &Expr| {
             if phases.len() == 1 {
