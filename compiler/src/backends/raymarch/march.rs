@@ -84,16 +84,34 @@ impl Tracer<'_> {
         (x, light)
     }
 
-    /// Longest step: a third of it must see the smallest cell of anything piecewise.
-    fn longest_step(&self, length: &Expr) -> Expr {
-        let roots: Vec<NodeId> =
-            self.scene.matter.iter().filter(|m| m.varying).flat_map(|m| [m.extinction, m.emission]).flatten().collect();
+    /// Longest step: a third of it must see the smallest cell of anything piecewise that is here.
+    fn longest_step(&self, code: &mut Code, media: &[Medium<'_>], length: &Expr) -> Expr {
         let open = self.scene.matter.iter().any(|m| self.open_depth(m));
-        match feature_length(self.graph, &roots) {
-            Some(cell) => (length.clone() * (1.0 / 8.0)).min(2.0 * cell),
-            // A column needs less care than what is seen along it; what has a closed form is smooth.
-            None if !open || matches!(self.walk, Walk::Shadow { .. }) => length.clone() * (1.0 / 12.0),
-            None => length.clone() * (1.0 / 32.0),
+        let shadow = matches!(self.walk, Walk::Shadow { .. });
+        // A column needs less care than what is seen along it; what has a closed form is smooth.
+        let parts = if !open || shadow { 12.0 } else { 32.0 };
+        let plain = length.clone() * (1.0 / parts);
+        let mut finest: Option<Expr> = None;
+        for medium in media.iter().filter(|m| m.matter.varying) {
+            let roots: Vec<NodeId> = [medium.matter.extinction, medium.matter.emission].into_iter().flatten().collect();
+            let Some(cell) = feature_length(self.graph, &roots) else { continue };
+            let own = match &medium.here {
+                Some(here) => here.clone().select(2.0 * cell, FAR),
+                None => Expr::F32(2.0 * cell),
+            };
+            finest = Some(match finest {
+                Some(so_far) => so_far.min(own),
+                None => own,
+            });
+        }
+        // Where nothing piecewise is, the length alone decides.
+        match finest {
+            None => plain,
+            Some(Expr::F32(cell)) => (length.clone() * (1.0 / 8.0)).min(cell),
+            Some(finest) => {
+                let finest = code.bind("finest", Ty::F32, finest);
+                finest.clone().less(FAR).select((length.clone() * (1.0 / 8.0)).min(finest), plain)
+            }
         }
     }
 
@@ -112,7 +130,7 @@ impl Tracer<'_> {
         let white = self.builder.frame(FrameValue::White);
         let cap = self.builder.frame(FrameValue::MaxWork);
         let cap = if self.cache.is_some() { cap.min(super::cache::MOST_LOOKS) } else { cap };
-        let longest = self.longest_step(length);
+        let longest = self.longest_step(code, media, length);
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
         let jumps = self.jumps(code, ray);
@@ -264,6 +282,18 @@ impl Tracer<'_> {
         }
         for (error, amount) in pending {
             code.add(error, amount);
+        }
+        if let (Some(error), Some(depth)) = (state.error, state.depth) {
+            // Out of work: what lies in the rest of the segment is anybody's guess, and counts as wrong.
+            code.open();
+            let seen = largest((-Expr::Local(depth)).exp(), dw);
+            let bright = match state.radiance {
+                Some(radiance) => white.max(largest(radiance.into(), lw)),
+                None => Expr::F32(1.0),
+            };
+            code.add(error, seen * bright);
+            let missed = code.close();
+            code.push_if(spent.clone(), missed);
         }
         code.add(s, step);
         if let (Some(before), Some(after)) = (before, after) {

@@ -653,6 +653,11 @@ impl Tracer<'_> {
             let gain = Expr::Local(flight.weight) * Expr::Local(flight.emission) / mean.splat(lw);
             code.add(light, gain);
         }
+        if phases.is_empty() {
+            // Nothing scatters: what is hit absorbs.
+            code.break_();
+            return;
+        }
         // One phase function of those that scatter here, by what each scatters in the deciding band. Every band has its own
         // probability of that choice, which counts like those of the flight: else weights would drift where media overlap.
         let narrow = |k: LocalId| if dw == lw { Expr::Local(k) } else { Expr::Local(k).component_if(lw, 0) };
@@ -750,7 +755,12 @@ impl Tracer<'_> {
         let Some(random) = self.random else { return };
         let escape = |this: &mut Self, code: &mut Code| {
             if let Some(sky) = this.background(code, ray) {
+                code.open();
                 code.add(light, Expr::Local(flight.weight) * sky);
+                let seen = code.close();
+                // A mere background is seen, but shines on nothing.
+                let shines = if this.scene.environment { Expr::Bool(true) } else { Expr::Local(bounces).equal(0u32) };
+                code.push_if(shines, seen);
             }
             // Discs of suns were asked for at every collision; only the eye sees them directly.
             if let Some(discs) = this.discs(code, ray) {

@@ -247,7 +247,7 @@ and a medium without a closed form that never ends needs a `shape`:\n\n\
         code: "E0656",
         title: "the graphics driver ended loops early",
         explanation: "Some drivers, software ones above all, end every loop of a shader once 65535 rounds have been taken in all, and \
-report nothing. A kernel notices it at its end, and the picture is refused where that happened. Ask for less: a larger \
+report nothing. A kernel notices it at its end; the light of those rays is wrong, and the program ends with an error. Ask for less: a larger \
 `accuracy`, fewer `steps`, a simpler field; or let the processor draw with `--engine cpu`.",
     },
     CodeInfo {
