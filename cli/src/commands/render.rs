@@ -9,9 +9,13 @@ use runtime::frame::{Cause, Drawing, FileLoader, Measured, Params, Session, Sett
 use runtime::image::{self, Depth, Display, WriteOptions};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Pixels that are compared with the reference.
 const CHECKED: u32 = 256;
+/// Fewer of them come first, and more only if they fit in so many seconds.
+const LADDER: [u32; 4] = [4, 32, 128, CHECKED];
+const PATIENCE: f64 = 30.0;
 
 pub(super) fn run(format: Format, arguments: &Render) -> Result<Exit, Trouble> {
     let jobs = jobs(arguments)?;
@@ -148,7 +152,7 @@ fn frame(
     } else {
         let bar = progress(format, "comparing with the reference");
         bar.enable_steady_tick(std::time::Duration::from_millis(200));
-        let measured = session.measure(&drawing, CHECKED, arguments.schedule.seed);
+        let measured = measure(session, &drawing, arguments.schedule.seed);
         bar.finish_and_clear();
         Some(measured?)
     };
@@ -162,6 +166,21 @@ fn frame(
     let written = image::write(path, &drawing.picture, &options)
         .map_err(|e| trouble(Cause::Input, e.code, e.message, e.hint.as_deref()))?;
     Ok(Done { path: path.to_owned(), drawing, measured, nan: written.nan })
+}
+
+/// Compares as many pixels as half a minute allows: rays through lit matter under a sky can take the reference seconds each.
+fn measure(session: &Session, drawing: &Drawing, seed: u64) -> Result<Measured, Trouble> {
+    let mut counts = LADDER.into_iter();
+    let mut count = counts.next().unwrap_or(CHECKED);
+    loop {
+        let started = Instant::now();
+        let measured = session.measure(drawing, count, seed)?;
+        let each = started.elapsed().as_secs_f64() / f64::from(count);
+        match counts.next() {
+            Some(next) if each * f64::from(next) <= PATIENCE => count = next,
+            Some(_) | None => return Ok(measured),
+        }
+    }
 }
 
 impl Done {
