@@ -8,12 +8,15 @@ use crate::analysis::jumps::{Jump, jumps};
 use crate::analysis::range::{Range, ranges};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{
-    Binary, Composite, FieldScene, Graph, Light, LightKind, NodeId, Op, Primitive, Scattering, Tier, eval,
+    Binary, Composite, FieldScene, Graph, Light, LightKind, NodeId, Op, Primitive, Scattering, Table, TableId, Tier,
+    eval,
 };
 use crate::passes::{self, is_zero};
 use crate::program::Ledger;
 use crate::source::Span;
 
+/// Rows of a table from which paths draw directions.
+const QUANTILES: usize = 256;
 /// Most terms of a closed form: beyond, a loop over steps is no slower.
 const TERMS: usize = 8;
 
@@ -66,6 +69,8 @@ pub(super) struct Phase {
     pub(super) node: Option<NodeId>,
     /// At the params' defaults, averaged over the bands.
     pub(super) mean_cosine: f64,
+    /// For paths: cosines by the share of the light that is sent below them.
+    pub(super) quantiles: Option<TableId>,
 }
 
 /// All that the kernel needs to know about the scene.
@@ -117,6 +122,7 @@ impl Scene {
         let shining = !projecting && (!scene.lights.is_empty() || scene.environment);
         let lit = shining && scene.render.scattering != Scattering::None;
         let defaults = scene.defaults();
+        let paths = scene.render.scattering == Scattering::Multiple;
         let sheets = if projecting { vec![] } else { sheets(scene, ledger) };
         let graph = &mut scene.graph;
         let mut primitives = vec![];
@@ -159,7 +165,7 @@ impl Scene {
             };
             let scattering = (lit && !is_zero(graph, medium.k_s)).then_some(medium.k_s);
             let phase = match scattering {
-                Some(_) => phase_of(graph, medium, &defaults, &mut phases, ledger),
+                Some(_) => phase_of(graph, medium, (&defaults, paths), &mut phases, ledger),
                 None => 0,
             };
             let roots: Vec<NodeId> = [extinction, emission].into_iter().flatten().collect();
@@ -304,9 +310,9 @@ fn mark_steps(matter: &mut [Matter], tiers: &[Tier]) {
 
 /// The number of a medium's phase function among those of the scene.
 fn phase_of(
-    graph: &Graph,
+    graph: &mut Graph,
     medium: &crate::ir::Medium,
-    defaults: &[Vec<f64>],
+    (defaults, paths): (&[Vec<f64>], bool),
     phases: &mut Vec<Phase>,
     ledger: &mut Ledger,
 ) -> usize {
@@ -323,6 +329,15 @@ fn phase_of(
         let mean = facts.moment.iter().sum::<f64>() / facts.integral.iter().sum::<f64>();
         if mean.is_finite() { mean.clamp(-1.0, 1.0) } else { 0.0 }
     });
-    phases.push(Phase { name: medium.name.clone(), node, mean_cosine });
+    let quantiles = node.filter(|_| paths).map(|n| {
+        let tables = eval::Tables::evaluate(graph, defaults, 0.0);
+        let environment = eval::Environment { params: defaults, tables: &tables, ..eval::Environment::default() };
+        let cosines = eval::phase_quantiles(graph, n, &environment, QUANTILES);
+        let keys = (0..=QUANTILES).map(|i| graph.scalar(i as f64 / QUANTILES as f64)).collect();
+        let values = cosines.into_iter().map(|c| graph.scalar(c)).collect();
+        let name = format!("{}_directions", medium.name);
+        graph.add_table(Table { name, span: medium.span, keys, values, width: 1 })
+    });
+    phases.push(Phase { name: medium.name.clone(), node, mean_cosine, quantiles });
     phases.len() - 1
 }

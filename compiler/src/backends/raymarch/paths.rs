@@ -10,14 +10,12 @@
 use super::light::{LightSample, Receiver};
 use super::shapes::{FAR, Ray, SdfFunctions};
 use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer, Walk, largest, widen};
-use crate::fields::{Code, PhaseFunction, Writer, phase_function};
+use crate::fields::{Code, Helper, PhaseFunction, Writer, phase_function};
 use crate::ir::{Input, Tier};
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind};
 use std::f64::consts::PI;
 
-/// Share of the directions that are drawn evenly, so that no weight is without bound.
-const EVEN: f64 = 0.02;
 /// Collisions after which roulette begins.
 const SURE: u32 = 3;
 
@@ -707,32 +705,25 @@ impl Tracer<'_> {
             code.bind("phase_here", Ty::float(lw), out)
         };
         self.next_event(code, &p, flight, light, &mut |this, code, sample| value(this, code, &sample.to));
-        // A direction from a lobe of about the same width.
-        let g = code.var("g", Ty::F32, self.scene.phases[0].mean_cosine.clamp(-0.99, 0.99));
-        for (i, phase) in self.scene.phases.iter().enumerate().skip(1) {
-            let own = phase.mean_cosine.clamp(-0.99, 0.99);
-            code.if_(Expr::Local(which).equal(i as u32), |code| code.set(g, own));
-        }
-        let even = random.draw(code, flight.rng).less(EVEN).or(Expr::Local(g).abs().less(0.01));
-        let even = code.bind("even", Ty::BOOL, even);
+        // A direction by the quantiles of the phase function; what they lack in detail, the weight makes up for.
         let u = random.draw(code, flight.rng);
-        let safe = Expr::Local(g).abs().less(0.01).select(0.01, Expr::Local(g));
-        let safe = code.bind("lobe", Ty::F32, safe);
-        let square = code.bind("g_squared", Ty::F32, safe.clone() * safe.clone());
-        let s = (Expr::F32(1.0) - square.clone()) / (u.clone() * safe.clone() * 2.0 + (Expr::F32(1.0) - safe.clone()));
-        let s = code.bind("s", Ty::F32, s);
-        let lobe = (Expr::F32(1.0) + square.clone() - s.clone() * s) / (safe.clone() * 2.0);
-        let mu = even.select(u * 2.0 - 1.0, lobe);
-        let mu = code.bind("mu", Ty::F32, Expr::math(Math::Clamp, [mu, (-1.0).into(), 1.0.into()]));
+        let mu = code.var("mu", Ty::F32, u.clone() * 2.0 - 1.0);
+        let density = code.var("pdf", Ty::F32, 0.25 / PI);
+        for (i, phase) in self.scene.phases.iter().enumerate() {
+            let Some(table) = phase.quantiles else { continue };
+            code.open();
+            let cosine = self.builder.call(self.graph, Helper::Lookup(table), [u.clone()]);
+            code.set(mu, Expr::math(Math::Clamp, [cosine, (-1.0).into(), 1.0.into()]));
+            let slope = self.builder.call(self.graph, Helper::LookupSlope(table), [u.clone()]);
+            code.set(density, Expr::F32(0.5 / PI) / slope.max(1e-12));
+            let body = code.close();
+            code.push_if(Expr::Local(which).equal(i as u32), body);
+        }
         let frame = Self::across(code, &ray.direction);
         let turns = random.draw(code, flight.rng);
+        let mu = code.bind("cosine", Ty::F32, mu);
+        let density = code.bind("chance_of_direction", Ty::F32, density);
         let to = Self::around(code, &ray.direction, &frame, &mu, turns);
-        let d = Expr::F32(1.0) + square.clone() - safe.clone() * mu * 2.0;
-        let d = code.bind("d_lobe", Ty::F32, d.max(1e-12));
-        let density = (Expr::F32(1.0) - square) * (0.25 / PI) / (d.clone() * d.sqrt());
-        let narrow = Expr::Local(g).abs().greater_equal(0.01);
-        let density = narrow.select(density * (1.0 - EVEN) + EVEN * 0.25 / PI, 0.25 / PI);
-        let density = code.bind("pdf", Ty::F32, density);
         let phase = value(self, code, &to);
         code.set(flight.weight, Expr::Local(flight.weight) * phase / density.splat(lw));
         code.set(origin, p.clone());

@@ -6,7 +6,7 @@ mod sphere;
 mod tape;
 
 pub use grid::{interpolate, interpolate_gradient};
-pub use sphere::{PhaseFacts, PhasePlace, phase_facts, phase_facts_at, phase_facts_in};
+pub use sphere::{PhaseFacts, PhasePlace, phase_facts, phase_facts_at, phase_facts_in, phase_quantiles};
 pub use tape::{Environment, LANES, Lanes, Scratch, Tape};
 
 use super::{Binary, Compare, Graph, GridId, NodeId, TableId, Unary};

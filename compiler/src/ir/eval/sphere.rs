@@ -211,3 +211,72 @@ pub fn phase_facts_in(graph: &Graph, node: NodeId, place: &PhasePlace<'_>) -> Ph
 pub fn phase_facts_at(graph: &Graph, node: NodeId, params: &[Vec<f64>], position: [f64; 3]) -> PhaseFacts {
     phase_facts_in(graph, node, &PhasePlace { params, position, direction: [0.0, 0.0, 1.0], time: 0.0, voxel: 0.0 })
 }
+
+/// Divisions of the scattering angle that quantiles are found from.
+const ANGLES: usize = 8192;
+/// Share that is spread evenly over the sphere, so that no direction is left out.
+const EVEN: f64 = 0.02;
+
+/// Cosines below which a phase function sends the shares 0, 1/count … 1 of the light, averaged over the bands: the inverse of
+/// its distribution, for drawing directions. Angles are divided finest around straight on.
+#[must_use]
+pub fn phase_quantiles(graph: &Graph, node: NodeId, environment: &Environment<'_>, count: usize) -> Vec<f64> {
+    let tape = Tape::new(graph, &[node]);
+    let mut scratch = tape.scratch();
+    let mut environment = environment.clone();
+    let angle = |i: usize| std::f64::consts::PI * (i as f64 / ANGLES as f64).powi(2);
+    // From straight on backwards: the cosine at the end of each division, and the light up to there.
+    let (mut ends, mut sums, mut sum) = (vec![1.0], vec![0.0], 0.0);
+    for first in (0..ANGLES).step_by(LANES) {
+        for lane in 0..LANES {
+            environment.cos_theta[lane] = (0.5 * (angle(first + lane) + angle(first + lane + 1))).cos();
+        }
+        tape.run(&environment, &super::NoVoxels, &mut scratch);
+        for lane in 0..LANES {
+            let bands = tape.width(0);
+            let mean = (0..bands).map(|b| tape.component(&scratch, 0, b)[lane]).sum::<f64>() / bands as f64;
+            let value = if mean.is_finite() { mean.max(0.0) } else { 0.0 };
+            let end = angle(first + lane + 1).cos();
+            let width = ends[ends.len() - 1] - end;
+            sum += width * ((1.0 - EVEN) * value + EVEN / (4.0 * std::f64::consts::PI));
+            ends.push(end);
+            sums.push(sum);
+        }
+    }
+    let mut at = 0;
+    let mut out: Vec<f64> = (0..=count)
+        .map(|i| {
+            let wanted = sum * i as f64 / count as f64;
+            while at + 1 < ANGLES && sums[at + 1] < wanted {
+                at += 1;
+            }
+            let (low, high) = (sums[at], sums[at + 1]);
+            let share = if high > low { ((wanted - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
+            ends[at] + share * (ends[at + 1] - ends[at])
+        })
+        .collect();
+    out.reverse();
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ir::Input;
+
+    #[test]
+    fn quantiles_of_a_line() {
+        // f = (1 + μ)/(4π): of the light, (1 + μ)²/4 goes below μ; a fiftieth is spread evenly.
+        let mut graph = Graph::default();
+        let (mu, one) = (graph.input(Input::CosTheta), graph.scalar(1.0));
+        let sum = graph.add(mu, one);
+        let scale = graph.scalar(0.25 / std::f64::consts::PI);
+        let node = graph.mul(sum, scale);
+        let quantiles = phase_quantiles(&graph, node, &Environment::default(), 64);
+        assert_eq!((quantiles.len(), quantiles[0], quantiles[64]), (65, -1.0, 1.0));
+        for (i, mu) in quantiles.iter().enumerate() {
+            let below = (1.0 - EVEN) * (1.0 + mu).powi(2) / 4.0 + EVEN * (1.0 + mu) / 2.0;
+            assert!((below - i as f64 / 64.0).abs() < 1e-6, "{i}: {mu} {below}");
+        }
+    }
+}
