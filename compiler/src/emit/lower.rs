@@ -33,7 +33,8 @@ pub(super) struct Lowering<'a> {
     types: Types,
     /// By number of the resource; `None` where this kernel does not use it.
     globals: Vec<Option<Handle<naga::GlobalVariable>>>,
-    functions: Vec<Handle<naga::Function>>,
+    /// By number of the function; `None` where this kernel does not reach it.
+    functions: Vec<Option<Handle<naga::Function>>>,
     function_names: Vec<String>,
     field_names: Vec<Vec<String>>,
     origins: Vec<Origin>,
@@ -62,7 +63,9 @@ pub(super) fn lower(kernel: &Kernel) -> Result<Lowered, EmitError> {
         })
         .collect();
     let entry = names.unique(&kernel.name);
-    let function_names = kernel.functions.iter().map(|f| names.unique(&f.name)).collect();
+    let reached = crate::program::reached(kernel);
+    let named = kernel.functions.iter().zip(&reached);
+    let function_names = named.map(|(f, used)| if *used { names.unique(&f.name) } else { String::new() }).collect();
     let field_names = struct_names.iter().map(|s| s.1.clone()).collect();
     let types = Types::new(kernel, &mut module, struct_names);
     let (globals, functions, origins, calls) = (vec![], vec![], vec![], vec![]);
@@ -70,10 +73,14 @@ pub(super) fn lower(kernel: &Kernel) -> Result<Lowered, EmitError> {
         Lowering { kernel, module, names, types, globals, functions, function_names, field_names, origins, calls };
     lowering.resources();
     for (index, f) in kernel.functions.iter().enumerate() {
+        if !reached[index] {
+            lowering.functions.push(None);
+            continue;
+        }
         let name = lowering.function_names[index].clone();
         let function = lowering.function(f, name, false)?;
         let handle = lowering.module.functions.append(function, naga::Span::UNDEFINED);
-        lowering.functions.push(handle);
+        lowering.functions.push(Some(handle));
     }
     let function = lowering.function(&kernel.entry, entry.clone(), true)?;
     let Lowering { mut module, origins, calls, .. } = lowering;
@@ -559,7 +566,7 @@ impl FunctionLowering<'_, '_> {
 
     fn call(&mut self, id: FunctionId, arguments: &[Expr], name: String) -> Result<Handle<Expression>, EmitError> {
         let arguments = self.exprs(arguments)?;
-        let function = self.of.functions[id.0 as usize];
+        let function = self.of.functions[id.0 as usize].expect("a function that is called is reached");
         let result = self.body.add(Expression::CallResult(function), &arguments);
         self.body.bound(result);
         self.body.push(Statement::Call { function, arguments, result: Some(result) });

@@ -166,17 +166,13 @@ impl KernelBuilder {
             resources.push(resource);
             bindings.push(binding);
         }
-        let kernels = entries.into_iter().map(|(name, workgroup, entry)| {
-            let mut kernel = Kernel {
-                name: name.to_owned(),
-                workgroup,
-                structs: self.structs.clone(),
-                resources: resources.clone(),
-                functions: self.functions.clone(),
-                entry,
-            };
-            crate::program::prune(&mut kernel);
-            kernel
+        let kernels = entries.into_iter().map(|(name, workgroup, entry)| Kernel {
+            name: name.to_owned(),
+            workgroup,
+            structs: self.structs.clone(),
+            resources: resources.clone(),
+            functions: self.functions.clone(),
+            entry,
         });
         (kernels.collect(), bindings, layout)
     }

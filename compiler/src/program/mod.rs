@@ -13,7 +13,7 @@ pub use plan::{
     UniformLayout, UniformSource, texture_prim,
 };
 pub use print::{print_graphviz, print_ir, print_ledger, print_plan, print_scene};
-pub use reach::{prune, reached, used_resources};
+pub use reach::{reached, used_resources};
 pub(crate) use verify_kernel::breaks;
 pub use verify_kernel::{MAX_BLOCK_DEPTH, MAX_EXPRESSION_DEPTH, verify};
 

@@ -1,6 +1,6 @@
 //! What of a kernel its entry point reaches: kernels that are written together share a list of functions and resources.
 
-use super::kernel::{Expr, Function, FunctionId, Kernel, ResourceKind, Stmt};
+use super::kernel::{Expr, FunctionId, Kernel, ResourceKind, Stmt};
 
 /// Calls a function with every expression of some statements, inner ones too.
 fn expressions(block: &[Stmt], visit: &mut dyn FnMut(&Expr)) {
@@ -68,10 +68,10 @@ fn stores(block: &[Stmt], visit: &mut dyn FnMut(u32)) {
     }
 }
 
-/// Which functions of a list an entry point reaches.
+/// Which functions of a kernel its entry point reaches.
 #[must_use]
-pub fn reached(functions: &[Function], entry: &Function) -> Vec<bool> {
-    let mut seen = vec![false; functions.len()];
+pub fn reached(kernel: &Kernel) -> Vec<bool> {
+    let mut seen = vec![false; kernel.functions.len()];
     let mut stack: Vec<u32> = vec![];
     let calls = |body: &[Stmt], stack: &mut Vec<u32>| {
         expressions(body, &mut |e| {
@@ -80,10 +80,10 @@ pub fn reached(functions: &[Function], entry: &Function) -> Vec<bool> {
             }
         });
     };
-    calls(&entry.body, &mut stack);
+    calls(&kernel.entry.body, &mut stack);
     while let Some(id) = stack.pop() {
         if !std::mem::replace(&mut seen[id as usize], true) {
-            calls(&functions[id as usize].body, &mut stack);
+            calls(&kernel.functions[id as usize].body, &mut stack);
         }
     }
     seen
@@ -93,8 +93,7 @@ pub fn reached(functions: &[Function], entry: &Function) -> Vec<bool> {
 #[must_use]
 pub fn used_resources(kernel: &Kernel) -> Vec<bool> {
     let mut used = vec![false; kernel.resources.len()];
-    let reached = reached(&kernel.functions, &kernel.entry);
-    let functions = kernel.functions.iter().zip(reached).filter(|(_, r)| *r).map(|(f, _)| f);
+    let functions = kernel.functions.iter().zip(reached(kernel)).filter(|(_, r)| *r).map(|(f, _)| f);
     for function in functions.chain([&kernel.entry]) {
         let mut mark = |i: u32| used[i as usize] = true;
         stores(&function.body, &mut mark);
@@ -109,75 +108,4 @@ pub fn used_resources(kernel: &Kernel) -> Vec<bool> {
         });
     }
     used
-}
-
-/// Drops the functions that the entry point does not reach.
-pub fn prune(kernel: &mut Kernel) {
-    let reached = reached(&kernel.functions, &kernel.entry);
-    if reached.iter().all(|r| *r) {
-        return;
-    }
-    let mut numbers = vec![];
-    let mut next = 0;
-    for r in &reached {
-        numbers.push(next);
-        next += u32::from(*r);
-    }
-    let mut keep = reached.iter();
-    kernel.functions.retain(|_| keep.next().is_some_and(|r| *r));
-    for function in kernel.functions.iter_mut().chain([&mut kernel.entry]) {
-        renumber_block(&mut function.body, &numbers);
-    }
-}
-
-fn renumber_block(block: &mut [Stmt], numbers: &[u32]) {
-    for statement in block {
-        match statement {
-            Stmt::Let(_, value) | Stmt::Var(_, value) | Stmt::Assign(_, value) | Stmt::Return(Some(value)) => {
-                renumber(value, numbers);
-            }
-            Stmt::If(condition, then, otherwise) => {
-                renumber(condition, numbers);
-                renumber_block(then, numbers);
-                renumber_block(otherwise, numbers);
-            }
-            Stmt::Loop(body) => renumber_block(body, numbers),
-            Stmt::Store { index, value, .. } => {
-                renumber(index, numbers);
-                renumber(value, numbers);
-            }
-            Stmt::Break | Stmt::Continue | Stmt::Return(None) => {}
-        }
-    }
-}
-
-fn renumber(value: &mut Expr, numbers: &[u32]) {
-    match value {
-        Expr::F32(_)
-        | Expr::I32(_)
-        | Expr::U32(_)
-        | Expr::Bool(_)
-        | Expr::Local(_)
-        | Expr::Argument(_)
-        | Expr::Uniform(_)
-        | Expr::GlobalId => {}
-        Expr::Unary(_, a)
-        | Expr::Splat(a, _)
-        | Expr::Component(a, _)
-        | Expr::Field(a, _)
-        | Expr::Convert(_, a)
-        | Expr::Bitcast(_, a)
-        | Expr::TextureLoad(_, a)
-        | Expr::Load(_, a) => renumber(a, numbers),
-        Expr::Binary(_, a, b) => {
-            renumber(a, numbers);
-            renumber(b, numbers);
-        }
-        Expr::Math(_, list) | Expr::Compose(_, list) => list.iter_mut().for_each(|a| renumber(a, numbers)),
-        Expr::Call(id, list) => {
-            *id = FunctionId(numbers[id.0 as usize]);
-            list.iter_mut().for_each(|a| renumber(a, numbers));
-        }
-        Expr::Select(a, b, c) => [a, b, c].into_iter().for_each(|x| renumber(x, numbers)),
-    }
 }

@@ -147,9 +147,7 @@ impl Tracer<'_> {
             arguments.push(Expr::F32(DIM));
         }
         let value = code.bind("shade", open.result, Expr::Call(open.function, arguments));
-        let plain = open.error.is_none() && open.work.is_none();
-        let depth = if plain { value } else { value.field(0) };
-        let depth = code.bind("depth", Ty::float(dw), depth);
+        let depth = code.bind("depth", Ty::float(dw), open.depth(&value));
         for i in 0..dw {
             let part = if dw == 1 { depth.clone() } else { depth.clone().component(i) };
             code.store(buffer, index.clone() * u32::from(dw) + u32::from(i), part);

@@ -10,7 +10,7 @@ use super::shapes::{FAR, Ray};
 use super::trace::{Tracer, largest, least, widen};
 use crate::fields::{Code, Writer};
 use crate::ir::{Input, Light, LightKind, NodeId};
-use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Prim, Ty};
+use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Ty};
 use crate::program::{FrameValue, Ledger, OutputKind, StepRule};
 use std::f64::consts::PI;
 
@@ -52,6 +52,14 @@ pub(super) struct Shadow {
     pub(super) stepped: bool,
 }
 
+impl Shadow {
+    /// The optical depth in a value that it returned.
+    pub(super) fn depth(&self, value: &Expr) -> Expr {
+        let plain = self.error.is_none() && self.work.is_none();
+        if plain { value.clone() } else { value.clone().field(0) }
+    }
+}
+
 /// One sample of a light.
 pub(super) struct LightSample {
     /// Unit vector towards the light.
@@ -70,7 +78,7 @@ pub(super) struct LightSample {
 
 /// Who gathers light.
 pub(super) enum Receiver<'r> {
-    /// A medium with phase functions `from..to`; the eye looks along `direction`.
+    /// A medium; the eye looks along `direction`. Of phase functions with a narrow lobe, the mean cosine of the narrowest.
     Medium { direction: &'r Expr, narrow: Option<f64> },
     /// A surface with this normal.
     Surface { normal: &'r Expr },
@@ -213,6 +221,15 @@ impl Tracer<'_> {
         }
     }
 
+    /// 1 − cos α of a disc of radius α, and the irradiance of one of so many samples of it: of the whole, E / (π sin² α) times
+    /// its solid angle 2π(1 − cos α) is E · 2/(1 + cos α).
+    fn cap(code: &mut Code, irradiance: Expr, radius: &Expr, count: u32, width: u8) -> (Expr, Expr) {
+        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
+        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
+        let share = Expr::F32(2.0 / f64::from(count)) / (Expr::F32(2.0) - cap.clone());
+        (cap, code.bind("irradiance", Ty::float(width), irradiance * share.splat(width)))
+    }
+
     /// A sun with a disc: points of a spiral, each with its share of the light.
     fn disc(
         &mut self,
@@ -225,11 +242,7 @@ impl Tracer<'_> {
         let lw = self.scene.light_width;
         // Where nothing has a sharp edge few samples do, and a ray through a medium mixes those of many places.
         let count = if on_surface { self.count(0.64, 16, 512) } else { 8 };
-        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
-        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
-        // Of the whole disc, E / (π sin² α) times its solid angle 2π(1 − cos α) is E · 2/(1 + cos α).
-        let share = Expr::F32(2.0 / f64::from(count)) / (Expr::F32(2.0) - cap.clone());
-        let e = code.bind("irradiance", Ty::float(lw), irradiance * share.splat(lw));
+        let (cap, e) = Self::cap(code, irradiance, radius, count, lw);
         let frame = Self::across(code, to);
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
@@ -267,10 +280,7 @@ impl Tracer<'_> {
     ) {
         let lw = self.scene.light_width;
         let Some(random) = self.random else { return };
-        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
-        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
-        let share = Expr::F32(2.0) / (Expr::F32(2.0) - cap.clone());
-        let e = code.bind("irradiance", Ty::float(lw), irradiance * share.splat(lw));
+        let (cap, e) = Self::cap(code, irradiance, radius, 1, lw);
         let frame = Self::across(code, to);
         let u = random.draw(code, rng);
         let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - cap * u);
@@ -456,8 +466,7 @@ impl Tracer<'_> {
                 arguments.push(white / most.clone());
             }
             let value = code.bind("shade", shadow.result, Expr::Call(shadow.function, arguments));
-            let depth =
-                if shadow.error.is_some() || shadow.work.is_some() { value.clone().field(0) } else { value.clone() };
+            let depth = shadow.depth(&value);
             let t = code.bind("through", Ty::float(dw), (-depth).exp());
             if let (Some(error), Some(field)) = (into.error, shadow.error) {
                 code.add(error, most.clone() * largest(t.clone(), dw) * value.clone().field(field));
@@ -540,7 +549,6 @@ impl Tracer<'_> {
         if self.scene.phases.is_empty() || !self.wants(OutputKind::Radiance) {
             return None;
         }
-        let lw = self.scene.light_width;
         let functions = self.phase_functions();
         let mut code = Code::new("in_scattered", None);
         let p = code.parameter("p", Ty::VEC3);
@@ -554,21 +562,9 @@ impl Tracer<'_> {
         let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-0.98, 0.98));
         let receiver = Receiver::Medium { direction: &direction, narrow };
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
-            let mut weights = vec![];
-            for (function, phase) in functions.iter().zip(&this.scene.phases) {
-                let Some(function) = function else {
-                    weights.push(Expr::F32(0.25 / PI).splat(lw));
-                    continue;
-                };
-                let arguments = this.phase_arguments(code, function, &p, &sample.to, &direction);
-                let width = phase.node.map_or(1, |n| this.graph.width(n));
-                let value = Expr::Call(function.id, arguments);
-                weights.push(widen(
-                    code.bind("phase", Ty::float(width), value.max(Expr::F32(0.0).splat(width))),
-                    width,
-                    lw,
-                ));
-            }
+            let each = functions.iter().enumerate();
+            let weights: Vec<Expr> =
+                each.map(|(i, f)| this.phase_value(code, f.as_ref(), i, &p, &sample.to, &direction)).collect();
             this.gather(code, &p, sample, &weights, &gathered);
         });
         if self.scene.lights.is_empty() {
@@ -611,17 +607,7 @@ impl Tracer<'_> {
         let p = code.parameter("p", Ty::VEC3);
         let normal = code.parameter("normal", Ty::VEC3);
         let which = code.parameter("sheet", Ty::U32);
-        let albedo = code.var("albedo", Ty::float(lw), Expr::F32(0.0).splat(lw));
-        for (i, sheet) in self.scene.sheets.iter().enumerate() {
-            let Some(node) = sheet.albedo else { continue };
-            code.open();
-            let mut writer = Writer::new(self.graph, &self.scene.tiers);
-            writer.know_input(Input::Position, p.clone());
-            let value = writer.write(self.builder, &mut code, &[node]).remove(0);
-            code.set(albedo, widen(value, self.graph.width(node), lw));
-            let body = code.close();
-            code.push_if(which.clone().equal(i as u32), body);
-        }
+        let albedo = self.albedo(&mut code, &p, &which);
         let gathered = self.declare_sums(&mut code, 1);
         let receiver = Receiver::Surface { normal: &normal };
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
@@ -634,6 +620,23 @@ impl Tracer<'_> {
         }
         let values = vec![Expr::Local(gathered.sums[0]) * share];
         Some(self.return_sums(code, "Reflected", &gathered, values))
+    }
+
+    /// Albedo at a point of the sheet with this number, in the width of light.
+    pub(super) fn albedo(&mut self, code: &mut Code, p: &Expr, which: &Expr) -> LocalId {
+        let lw = self.scene.light_width;
+        let albedo = code.var("albedo", Ty::float(lw), Expr::F32(0.0).splat(lw));
+        for (i, sheet) in self.scene.sheets.iter().enumerate() {
+            let Some(node) = sheet.albedo else { continue };
+            code.open();
+            let mut writer = Writer::new(self.graph, &self.scene.tiers);
+            writer.know_input(Input::Position, p.clone());
+            let value = writer.write(self.builder, code, &[node]).remove(0);
+            code.set(albedo, widen(value, self.graph.width(node), lw));
+            let body = code.close();
+            code.push_if(which.clone().equal(i as u32), body);
+        }
+        albedo
     }
 
     /// Radiance of the discs of suns, for a ray that nothing stops.
@@ -666,10 +669,5 @@ impl Tracer<'_> {
     /// The least optical depth, for a test whether anything behind can be seen.
     pub(super) fn thinnest(&self, depth: LocalId) -> Expr {
         least(depth.into(), self.scene.depth_width)
-    }
-
-    /// A count in f32 as u32.
-    pub(super) fn counted(value: Expr) -> Expr {
-        value.convert(Prim::U32)
     }
 }

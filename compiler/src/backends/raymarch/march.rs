@@ -3,7 +3,6 @@
 use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
 use super::trace::{Medium, Segment, State, Tracer, Walk, largest, least, widen};
-use crate::analysis::feature::feature_length;
 use crate::fields::Code;
 use crate::ir::{LightKind, NodeId};
 use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
@@ -94,7 +93,7 @@ impl Tracer<'_> {
         let mut finest: Option<Expr> = None;
         for medium in media.iter().filter(|m| m.matter.varying) {
             let roots: Vec<NodeId> = [medium.matter.extinction, medium.matter.emission].into_iter().flatten().collect();
-            let Some(cell) = feature_length(self.graph, &roots) else { continue };
+            let Some(cell) = self.features().length(&roots) else { continue };
             let own = match &medium.here {
                 Some(here) => here.clone().select(2.0 * cell, FAR),
                 None => Expr::F32(2.0 * cell),

@@ -70,6 +70,7 @@ pub(super) fn build(
     let mut builder = KernelBuilder::default();
     let tracer = trace::Tracer {
         graph: &scene.graph,
+        features: std::cell::OnceCell::new(),
         scene: &seen,
         builder: &mut builder,
         spans: shapes::SpanFunctions::default(),

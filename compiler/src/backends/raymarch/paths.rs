@@ -10,8 +10,8 @@
 use super::light::{LightSample, Receiver};
 use super::shapes::{FAR, Ray, SdfFunctions};
 use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer, Walk, largest, widen};
-use crate::fields::{Code, Helper, PhaseFunction, Writer, phase_function};
-use crate::ir::{Input, Tier};
+use crate::fields::{Code, Helper, PhaseFunction, phase_function};
+use crate::ir::Input;
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind};
 use std::f64::consts::PI;
@@ -258,20 +258,17 @@ impl Tracer<'_> {
             code.set(*into, *value);
         }
         // What tracked media shine was counted on the way.
-        let shining: Vec<&&Medium<'_>> = closed.iter().filter(|m| m.matter.emission.is_some()).collect();
-        if !shining.is_empty() {
-            for medium in shining {
-                let p = code.bind("p_here", Ty::VEC3, ray.at(stop.clone()));
-                code.open();
-                let part = self.sample_one(code, ray, state, medium, &p, &stop);
-                if let Some(emission) = part.emission {
-                    code.add(flight.emission, emission);
-                }
-                let body = code.close();
-                match &medium.here {
-                    Some(here) => code.push_if(here.clone(), body),
-                    None => code.push_all(body),
-                }
+        for medium in closed.iter().filter(|m| m.matter.emission.is_some()) {
+            let p = code.bind("p_here", Ty::VEC3, ray.at(stop.clone()));
+            code.open();
+            let part = self.sample_one(code, ray, state, medium, &p, &stop);
+            if let Some(emission) = part.emission {
+                code.add(flight.emission, emission);
+            }
+            let body = code.close();
+            match &medium.here {
+                Some(here) => code.push_if(here.clone(), body),
+                None => code.push_all(body),
             }
         }
         let found = code.close();
@@ -280,9 +277,7 @@ impl Tracer<'_> {
 
     /// Whether a medium is met by delta tracking: it has no closed form, or shines in a way that collisions alone miss.
     pub(super) fn is_tracked(&self, matter: &super::matter::Matter) -> bool {
-        let varies = matter.extinction.is_some_and(|n| self.scene.tiers[n.0 as usize] == Tier::Sample);
-        let open = varies && matter.closed.is_none();
-        open || (matter.emission.is_some() && matter.source.is_none())
+        self.open_depth(matter) || (matter.emission.is_some() && matter.source.is_none())
     }
 
     /// The distance at which the depth of closed media reaches the target.
@@ -340,8 +335,9 @@ impl Tracer<'_> {
         code.push_if(whole.greater(target.clone()), inside);
     }
 
-    /// The sum of the majorants of tracked media that are here; at least one collision per unit where something shines.
-    fn majorant(&mut self, code: &mut Code, open: &[&Medium<'_>]) -> Expr {
+    /// The sum of the majorants of tracked media that are here; if light is gathered, at least one collision per unit where
+    /// something shines.
+    fn majorant(&mut self, code: &mut Code, open: &[&Medium<'_>], light: bool) -> Expr {
         let sigma = code.var("majorant", Ty::F32, 0.0);
         for medium in open {
             let matter = medium.matter;
@@ -349,7 +345,7 @@ impl Tracer<'_> {
                 Some(node) => self.builder.majorant(node, &format!("{}_k_t", matter.name)),
                 None => Expr::F32(0.0),
             };
-            let bound = if matter.emission.is_some() { bound.max(1.0) } else { bound };
+            let bound = if light && matter.emission.is_some() { bound.max(1.0) } else { bound };
             let bound = match &medium.here {
                 Some(here) => here.clone().select(bound, 0.0),
                 None => bound,
@@ -404,7 +400,7 @@ impl Tracer<'_> {
     ) {
         let Some(random) = self.random else { return };
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
-        let sigma = self.majorant(code, open);
+        let sigma = self.majorant(code, open, true);
         let t = code.var("t_track", Ty::F32, a.clone());
         code.open();
         let step = -Expr::math(Math::Log, [random.draw(code, flight.rng)]) / sigma.clone().max(1e-37);
@@ -462,17 +458,7 @@ impl Tracer<'_> {
         if open.is_empty() {
             return;
         }
-        let sigma = code.var("majorant", Ty::F32, 0.0);
-        for medium in &open {
-            let Some(node) = medium.matter.extinction else { continue };
-            let bound = self.builder.majorant(node, &format!("{}_k_t", medium.matter.name));
-            let bound = match &medium.here {
-                Some(here) => here.clone().select(bound, 0.0),
-                None => bound,
-            };
-            code.add(sigma, bound);
-        }
-        let sigma = code.bind("sigma", Ty::F32, sigma);
+        let sigma = self.majorant(code, &open, false);
         let t = code.var("t_track", Ty::F32, a.clone());
         code.open();
         code.open();
@@ -537,7 +523,7 @@ impl Tracer<'_> {
     }
 
     /// What each phase function scatters from the direction to the light into the path, and what is drawn for it.
-    fn phase_value(
+    pub(super) fn phase_value(
         &mut self,
         code: &mut Code,
         function: Option<&PhaseFunction>,
@@ -645,9 +631,9 @@ impl Tracer<'_> {
         let Some(random) = self.random else { return };
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
         let p = code.bind("at", Ty::VEC3, ray.at(flight.event.into()));
-        let mean = self.mean_density(flight, &Expr::Local(flight.extinction));
-        let mean = code.bind("mean_k_t", Ty::F32, mean);
         if self.scene.matter.iter().any(|m| m.emission.is_some() && !self.is_tracked(m)) {
+            let mean = self.mean_density(flight, &Expr::Local(flight.extinction));
+            let mean = code.bind("mean_k_t", Ty::F32, mean);
             let gain = Expr::Local(flight.weight) * Expr::Local(flight.emission) / mean.splat(lw);
             code.add(light, gain);
         }
@@ -773,19 +759,8 @@ impl Tracer<'_> {
         code.push_if(t.clone().greater_equal(FAR), free);
         let normal = code.bind("surface_normal", Ty::VEC3, hit.clone().field(1));
         let at = code.bind("on_surface", Ty::VEC3, ray.at(t.clone()));
-        let size = largest(at.clone().abs(), 3).max(t.abs()).max(1e-3);
-        let above = code.bind("above", Ty::VEC3, at + normal.clone() * (size * 4e-6).splat(3));
-        let albedo = code.var("albedo", Ty::float(lw), Expr::F32(0.0).splat(lw));
-        for (i, sheet) in self.scene.sheets.iter().enumerate() {
-            let Some(node) = sheet.albedo else { continue };
-            code.open();
-            let mut writer = Writer::new(self.graph, &self.scene.tiers);
-            writer.know_input(Input::Position, above.clone());
-            let value = writer.write(self.builder, code, &[node]).remove(0);
-            code.set(albedo, widen(value, self.graph.width(node), lw));
-            let body = code.close();
-            code.push_if(hit.clone().field(2).equal(i as u32), body);
-        }
+        let above = Self::above(code, at, &normal, &t);
+        let albedo = self.albedo(code, &above, &hit.clone().field(2));
         code.break_if(largest(albedo.into(), lw).less_equal(0.0));
         code.set(flight.weight, Expr::Local(flight.weight) * Expr::Local(albedo));
         let up = normal.clone();
@@ -837,8 +812,10 @@ impl Tracer<'_> {
     ) -> Traced {
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
         ledger.omit("nested light integrals", "paths of all orders are followed one by one", None);
-        let mut depth = None;
-        if self.wants(OutputKind::Transmittance) || self.wants(OutputKind::OpticalDepth) {
+        // The same for every path, and read from those that come first alone.
+        let depth = direct.map(|shadow| {
+            let depth = code.var("direct_depth", Ty::float(dw), Expr::F32(0.0).splat(dw));
+            code.open();
             let end = match self.nearest {
                 Some(nearest) => {
                     let arguments = vec![ray.origin.clone(), ray.direction.clone(), start.clone(), Expr::F32(FAR)];
@@ -846,18 +823,18 @@ impl Tracer<'_> {
                 }
                 None => Expr::F32(FAR),
             };
-            depth = direct.map(|shadow| {
-                let end = code.bind("first_end", Ty::F32, end);
-                let limit = end.clone().greater_equal(FAR).select(FAR, end - start.clone());
-                let mut arguments = vec![ray.at(start.clone()), ray.direction.clone(), limit];
-                if shadow.stepped {
-                    arguments.push(Expr::F32(0.0));
-                }
-                let value = code.bind("direct", shadow.result, Expr::Call(shadow.function, arguments));
-                let plain = shadow.error.is_none() && shadow.work.is_none();
-                if plain { value } else { value.field(0) }
-            });
-        }
+            let end = code.bind("first_end", Ty::F32, end);
+            let limit = end.clone().greater_equal(FAR).select(FAR, end - start.clone());
+            let mut arguments = vec![ray.at(start.clone()), ray.direction.clone(), limit];
+            if shadow.stepped {
+                arguments.push(Expr::F32(0.0));
+            }
+            let value = code.bind("direct", shadow.result, Expr::Call(shadow.function, arguments));
+            code.set(depth, shadow.depth(&value));
+            let first = code.close();
+            code.push_if(self.builder.frame(FrameValue::FirstPath).equal(0u32), first);
+            Expr::Local(depth)
+        });
         let cut = self.cut_short(&mut code);
         let cut = code.bind("cut", Ty::F32, cut.select(Expr::U32(Fault::CUT_SHORT), Expr::U32(0)).bitcast(Prim::F32));
         let mut fields: Vec<(OutputKind, u8)> = vec![];

@@ -246,7 +246,7 @@ impl Tracer<'_> {
 
     fn data_cell(&self) -> f64 {
         let roots: Vec<NodeId> = self.scene.matter.iter().filter_map(|m| m.data.as_ref()).map(|d| d.value).collect();
-        crate::analysis::feature::feature_length(self.graph, &roots).unwrap_or(1.0 / 256.0)
+        self.features().length(&roots).unwrap_or(1.0 / 256.0)
     }
 
     /// The colour of what was found, or the background. Gives radiance and whether the ray is transparent.

@@ -6,7 +6,7 @@
 
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{Affine, Graph, NodeId, Primitive, PrimitiveKind, Shape, Tier};
-use crate::program::kernel::{Expr, Function, FunctionId, Math, Ty};
+use crate::program::kernel::{Expr, Function, FunctionId, LocalId, Math, Ty};
 
 /// Stands for infinity along a ray: WGSL has no literal for it.
 pub(super) const FAR: f64 = 3.0e38;
@@ -366,4 +366,55 @@ pub(super) fn sdf_functions(
 /// Whether a node reads the ray at all.
 pub(super) fn is_hosted(tiers: &[Tier], node: NodeId) -> bool {
     tiers[node.0 as usize] <= Tier::Frame
+}
+
+/// What a walk from boundary to boundary knows of its primitives.
+pub(super) struct Boundaries<'b> {
+    /// Of closed forms.
+    pub(super) spans: &'b [Option<Expr>],
+    /// Of signed distances.
+    pub(super) sdfs: &'b [Option<SdfFunctions>],
+    /// What the latter take from the ray.
+    pub(super) arguments: &'b [Vec<Expr>],
+}
+
+impl Boundaries<'_> {
+    /// Draws `next` back to the first boundary after `t`, and tells which primitives the ray is inside of between the two.
+    pub(super) fn advance(&self, code: &mut Code, ray: &Ray, t: LocalId, next: LocalId) -> Vec<Expr> {
+        for span in self.spans.iter().flatten() {
+            for i in 0..2 {
+                let end = span.clone().component(i);
+                let ahead = end.clone().greater(Expr::Local(t)).select(end, FAR);
+                code.set(next, Expr::Local(next).min(ahead));
+            }
+        }
+        for (sdf, arguments) in self.sdfs.iter().zip(self.arguments) {
+            if let Some(sdf) = sdf {
+                let mut all = vec![ray.origin.clone(), ray.direction.clone(), t.into(), next.into()];
+                all.extend(arguments.iter().cloned());
+                code.set(next, Expr::Call(sdf.next, all));
+            }
+        }
+        let middle = Expr::Local(next)
+            .greater_equal(FAR)
+            .select(Expr::Local(t) + (Expr::Local(t).abs() + 1.0), (Expr::Local(t) + Expr::Local(next)) * 0.5);
+        let middle = code.bind("middle", Ty::F32, middle);
+        let mut inside = vec![];
+        for (i, span) in self.spans.iter().enumerate() {
+            let value = match (span, &self.sdfs[i]) {
+                (Some(span), _) => {
+                    let after = middle.clone().greater(span.clone().component(0));
+                    after.and(middle.clone().less(span.clone().component(1)))
+                }
+                (None, Some(sdf)) => {
+                    let mut all = vec![ray.at(middle.clone())];
+                    all.extend(self.arguments[i].iter().cloned());
+                    Expr::Call(sdf.field.id, all).less(0.0)
+                }
+                (None, None) => Expr::Bool(false),
+            };
+            inside.push(code.bind(&format!("in_{i}"), Ty::BOOL, value));
+        }
+        inside
+    }
 }

@@ -4,9 +4,8 @@
 //! boundary of its primitives to the next. Triangles are found through a hierarchy of boxes in depth-first order, in which
 //! every node names the one to go on with when it is missed, so that no stack is needed (Smits 1998).
 
-use super::shapes::{FAR, Ray, Region, primitive_span, region, sdf_functions, transformed};
+use super::shapes::{Boundaries, FAR, Ray, Region, primitive_span, region, sdf_functions, transformed};
 use super::trace::Tracer;
-use crate::analysis::feature::lipschitz;
 use crate::fields::{Code, Writer};
 use crate::ir::{FieldScene, Input, MeshId, NodeId, Primitive, PrimitiveKind, SurfaceShape, derive};
 use crate::passes::is_zero;
@@ -190,7 +189,7 @@ impl Tracer<'_> {
                 out.push(None);
                 continue;
             };
-            let slope = lipschitz(self.graph)[field.0 as usize].max(1.0);
+            let slope = self.features().steepness()[field.0 as usize].max(1.0);
             let name = format!("{}_sdf_{number}_{i}", sheet.name);
             let cap = self.max_work.min(4096);
             out.push(Some(sdf_functions(self.graph, &self.scene.tiers, self.builder, &name, field, slope, cap)));
@@ -228,40 +227,8 @@ impl Tracer<'_> {
         code.open();
         // Nothing beyond the best hit so far is of interest.
         let next = code.var("next", Ty::F32, best.t);
-        for span in spans.iter().flatten() {
-            for i in 0..2 {
-                let end = span.clone().component(i);
-                let ahead = end.clone().greater(Expr::Local(t)).select(end, FAR);
-                code.set(next, Expr::Local(next).min(ahead));
-            }
-        }
-        for (sdf, hoisted) in sdfs.iter().zip(&hoisted) {
-            if let Some(sdf) = sdf {
-                let mut all = vec![ray.origin.clone(), ray.direction.clone(), t.into(), next.into()];
-                all.extend(hoisted.iter().cloned());
-                code.set(next, Expr::Call(sdf.next, all));
-            }
-        }
-        let middle = Expr::Local(next)
-            .greater_equal(FAR)
-            .select(Expr::Local(t) + (Expr::Local(t).abs() + 1.0), (Expr::Local(t) + Expr::Local(next)) * 0.5);
-        let middle = code.bind("middle", Ty::F32, middle);
-        let mut inside = vec![];
-        for (i, span) in spans.iter().enumerate() {
-            let value = match (span, sdfs.get(i).and_then(Option::as_ref)) {
-                (Some(span), _) => {
-                    let after = middle.clone().greater(span.clone().component(0));
-                    after.and(middle.clone().less(span.clone().component(1)))
-                }
-                (None, Some(sdf)) => {
-                    let mut all = vec![ray.at(middle.clone())];
-                    all.extend(hoisted[i].iter().cloned());
-                    Expr::Call(sdf.field.id, all).less(0.0)
-                }
-                (None, None) => Expr::Bool(false),
-            };
-            inside.push(code.bind(&format!("in_{i}"), Ty::BOOL, value));
-        }
+        let boundaries = Boundaries { spans: &spans, sdfs, arguments: &hoisted };
+        let inside = boundaries.advance(code, ray, t, next);
         let now = region.inside(&|i| inside[i].clone()).unwrap_or(Expr::Bool(true));
         let now = code.bind("now", Ty::U32, now.select(1u32, 0u32));
         let same = Expr::Local(side).equal(2u32).or(now.clone().equal(Expr::Local(side)));

@@ -11,9 +11,9 @@ use super::light::{InScattered, Shadow};
 use super::march::OPAQUE;
 use super::matter::{Matter, Scene};
 use super::project::Projected;
-use super::shapes::{FAR, Ray, Region, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
+use super::shapes::{Boundaries, FAR, Ray, Region, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
 use super::sheets::Nearest;
-use crate::analysis::feature::lipschitz;
+use crate::analysis::feature::Features;
 use crate::fields::{Code, FieldFunction, KernelBuilder, Writer, field_function};
 use crate::ir::{Composite, Graph, Input, NodeId, PrimitiveKind, Tier};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
@@ -99,6 +99,8 @@ pub(super) enum Walk {
 
 pub(super) struct Tracer<'a> {
     pub(super) graph: &'a Graph,
+    /// Found when something asks for them.
+    pub(super) features: std::cell::OnceCell<Features<'a>>,
     pub(super) scene: &'a Scene,
     pub(super) builder: &'a mut KernelBuilder,
     pub(super) spans: SpanFunctions,
@@ -161,8 +163,16 @@ impl Tracer<'_> {
         self.wanted.contains(&kind)
     }
 
+    /// How fast fields vary.
+    pub(super) fn features(&self) -> &Features<'_> {
+        self.features.get_or_init(|| Features::new(self.graph))
+    }
+
     /// Nodes of tier Ray on a ray along which light travels in this direction.
     pub(super) fn along_ray(&mut self, code: &mut Code, direction: &Expr, nodes: &[NodeId]) -> Vec<Expr> {
+        if nodes.is_empty() {
+            return vec![];
+        }
         let mut writer = Writer::new(self.graph, &self.scene.tiers);
         writer.know_input(Input::Direction, direction.clone());
         writer.write(self.builder, code, nodes)
@@ -400,12 +410,11 @@ impl Tracer<'_> {
 
     pub(super) fn sdfs(&mut self) -> Vec<Option<SdfFunctions>> {
         let scene = self.scene;
-        let mut steepness = None;
         let mut out = vec![];
         for (i, primitive) in scene.primitives.iter().enumerate() {
             out.push(match primitive.kind {
                 PrimitiveKind::Sdf { field } => {
-                    let slope = steepness.get_or_insert_with(|| lipschitz(self.graph))[field.0 as usize].max(1.0);
+                    let slope = self.features().steepness()[field.0 as usize].max(1.0);
                     let name = format!("sdf_{i}");
                     let cap = self.max_work.min(4096);
                     Some(sdf_functions(self.graph, &scene.tiers, self.builder, &name, field, slope, cap))
@@ -554,40 +563,8 @@ impl Tracer<'_> {
         });
         code.open();
         let next = code.var("next", Ty::F32, end.clone());
-        for span in spans.iter().flatten() {
-            for i in 0..2 {
-                let end = span.clone().component(i);
-                let ahead = end.clone().greater(Expr::Local(t)).select(end, FAR);
-                code.set(next, Expr::Local(next).min(ahead));
-            }
-        }
-        for (sdf, arguments) in sdfs.iter().zip(&sdf_arguments) {
-            if let Some(sdf) = sdf {
-                let mut all = vec![ray.origin.clone(), ray.direction.clone(), t.into(), next.into()];
-                all.extend(arguments.iter().cloned());
-                code.set(next, Expr::Call(sdf.next, all));
-            }
-        }
-        let middle = Expr::Local(next)
-            .greater_equal(FAR)
-            .select(Expr::Local(t) + (Expr::Local(t).abs() + 1.0), (Expr::Local(t) + Expr::Local(next)) * 0.5);
-        let middle = code.bind("middle", Ty::F32, middle);
-        let mut inside = vec![];
-        for (i, span) in spans.iter().enumerate() {
-            let value = match (span, &sdfs[i]) {
-                (Some(span), _) => {
-                    let after = middle.clone().greater(span.clone().component(0));
-                    after.and(middle.clone().less(span.clone().component(1)))
-                }
-                (None, Some(sdf)) => {
-                    let mut all = vec![ray.at(middle.clone())];
-                    all.extend(sdf_arguments[i].iter().cloned());
-                    Expr::Call(sdf.field.id, all).less(0.0)
-                }
-                (None, None) => Expr::Bool(false),
-            };
-            inside.push(code.bind(&format!("in_{i}"), Ty::BOOL, value));
-        }
+        let boundaries = Boundaries { spans, sdfs, arguments: &sdf_arguments };
+        let inside = boundaries.advance(code, ray, t, next);
         for medium in media.iter_mut() {
             let here = medium.matter.region.inside(&|i| inside[i].clone());
             medium.here = here.map(|h| code.bind(&format!("in_{}", medium.matter.name), Ty::BOOL, h));
@@ -706,6 +683,12 @@ impl Tracer<'_> {
         Some(widen(value, self.graph.width(node), self.scene.light_width))
     }
 
+    /// Clear of a surface that was hit at t by more than the hit may be wrong by.
+    pub(super) fn above(code: &mut Code, at: Expr, normal: &Expr, t: &Expr) -> Expr {
+        let size = largest(at.clone().abs(), 3).max(t.clone().abs()).max(1e-3);
+        code.bind("above", Ty::VEC3, at + normal.clone() * (size * 4e-6).splat(3))
+    }
+
     /// Radiance behind the media: of the sky and the discs in it, or of the surface that was hit.
     fn behind(
         &mut self,
@@ -735,9 +718,7 @@ impl Tracer<'_> {
         if let Some(reflected) = reflected {
             let normal = hit.clone().field(1);
             let at = code.bind("at", Ty::VEC3, ray.at(t.clone()));
-            // Clear of the surface by more than the hit may be wrong by.
-            let size = largest(at.clone().abs(), 3).max(t.clone().abs()).max(1e-3);
-            let at = code.bind("above", Ty::VEC3, at + normal.clone() * (size * 4e-6).splat(3));
+            let at = Self::above(code, at, &normal, &t);
             let arguments = vec![at, normal, hit.clone().field(2)];
             let value = code.bind("reflected", reflected.result, Expr::Call(reflected.function, arguments));
             code.set(behind, reflected.light(&value, 0));
@@ -746,7 +727,7 @@ impl Tracer<'_> {
                 code.add(error, through * value.clone().field(field));
             }
             if let (Some(work), Some(field)) = (state.work, reflected.work) {
-                code.add(work, Self::counted(value.field(field)));
+                code.add(work, value.field(field).convert(Prim::U32));
             }
         }
         let stopped = code.close();
