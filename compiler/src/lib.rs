@@ -30,6 +30,8 @@ pub mod analysis;
 pub mod passes;
 // Fields as kernel code, for all backends.
 pub mod fields;
+// Light along a ray as kernel code, for the backends that follow rays.
+pub(crate) mod transport;
 // Raymarching and its kin: kernels and plans.
 pub mod backends;
 // Kernels to naga, WGSL and the other targets.

@@ -25,8 +25,10 @@ const ROOMS: &[(&str, &[&str])] = &[
     // Passes write into the ledger what they leave out.
     ("passes", &["analysis", "ir", "program::Ledger"]),
     ("fields", &["analysis", "ir", "program", "source"]),
-    // Backends build what the passes would leave of it, and read the caller's overrides of the schedule.
-    ("backends", &["Options", "analysis", "diagnostic", "fields", "ir", "passes", "program", "source"]),
+    // It builds what the passes would leave of it.
+    ("transport", &["analysis", "diagnostic", "fields", "ir", "passes", "program", "source"]),
+    // Backends read the caller's overrides of the schedule.
+    ("backends", &["Options", "diagnostic", "fields", "ir", "passes", "program", "source", "transport"]),
     ("emit", &["diagnostic", "ir", "program", "source"]),
 ];
 

@@ -1,38 +1,12 @@
 //! Raymarching: one ray per sample, front to back.
 
-mod cache;
-mod closed;
-mod edges;
-mod light;
-mod march;
-mod matter;
-mod paths;
-mod project;
-mod rays;
-mod sample;
-mod shapes;
-mod sheets;
-mod trace;
-
 use crate::Options;
-use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::diagnostic::Diagnostics;
 use crate::fields::{Code, KernelBuilder};
-use crate::ir::{Aa, Composite, FieldScene, Scattering};
+use crate::ir::{Aa, Composite, FieldScene};
 use crate::program::kernel::{BinaryOp, Expr, Kernel, LocalId, Ty};
 use crate::program::{Extent, FrameValue, Ledger, Output, OutputKind, Pass, Plan, RaySource, StepRule};
-
-/// The name of an output in the shader.
-fn output_name(kind: OutputKind) -> &'static str {
-    match kind {
-        OutputKind::Radiance => "radiance",
-        OutputKind::Transmittance => "transmittance",
-        OutputKind::OpticalDepth => "optical_depth",
-        OutputKind::Error => "error",
-        OutputKind::Evaluations => "evaluations",
-        OutputKind::Fault => "fault",
-        OutputKind::Edge => "edge",
-    }
-}
+use crate::transport::{Scene, Traced, Tracer, edges, output_name, rays};
 
 /// Kernel and plan of a scene.
 pub(super) fn build(
@@ -41,14 +15,14 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
-    let seen = matter::Scene::new(scene, ledger, diagnostics);
-    endless(scene, &seen, diagnostics);
+    let seen = Scene::new(scene, ledger, diagnostics);
+    seen.refuse_endless(scene, diagnostics);
     if diagnostics.has_errors() {
         return None;
     }
     let steps = options.steps.or(if options.accuracy.is_some() { None } else { scene.render.steps });
     let accuracy = options.accuracy.unwrap_or(scene.render.accuracy);
-    let many = multiple(scene, &seen);
+    let many = seen.is_multiple(scene);
     let rule = match steps {
         _ if many => StepRule::Paths(scene.render.samples),
         _ if seen.closed => StepRule::Closed,
@@ -68,27 +42,7 @@ pub(super) fn build(
     let samples = samples(aa, options.rays, ledger);
     let edged = !many && edged(aa, options.rays, &seen.primitives, ledger);
     let mut builder = KernelBuilder::default();
-    let tracer = trace::Tracer {
-        graph: &scene.graph,
-        features: std::cell::OnceCell::new(),
-        scene: &seen,
-        builder: &mut builder,
-        spans: shapes::SpanFunctions::default(),
-        rule,
-        composite: scene.render.composite,
-        wanted,
-        max_work: scene.render.max_work,
-        shells: scene.shells.clone(),
-        walk: trace::Walk::Eye,
-        nearest: None,
-        shadow: None,
-        in_scattered: None,
-        visible: None,
-        cache: None,
-        only: None,
-        random: None,
-        transmitted: None,
-    };
+    let tracer = Tracer::new(scene, &seen, &mut builder, rule, wanted);
     let mut traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
     let mut outputs = vec![];
@@ -144,62 +98,6 @@ pub(super) fn build(
         work_per_ray: work_per_ray * samples,
     };
     Some((kernels, plan))
-}
-
-/// Whether light is followed over more than one scattering: only where there is something to scatter it and light to scatter.
-fn multiple(scene: &FieldScene, seen: &matter::Scene) -> bool {
-    let light = seen.is_lit() || seen.glows();
-    let scatters = !seen.sheets.is_empty() || scene.media.iter().any(|m| !crate::passes::is_zero(&scene.graph, m.k_s));
-    scene.render.scattering == Scattering::Multiple
-        && scene.render.composite == Composite::Radiance
-        && light
-        && scatters
-}
-
-/// A ray that never leaves a medium needs a closed form to infinity.
-fn endless(scene: &FieldScene, seen: &matter::Scene, diagnostics: &mut Diagnostics) {
-    for m in seen.matter.iter().filter(|m| m.region.is_unbounded(&seen.primitives)) {
-        let at = |d: Diagnostic| match m.span {
-            Some(span) => d.at(span, "this medium has no end"),
-            None => d,
-        };
-        let hint = "give it a shape, for example `shape = sphere(center: (0,0,0) m, radius: 10 m)`";
-        let open = m.varying
-            && (m.closed.is_none()
-                || (m.emission.is_some() && m.steps && m.source_bound.is_none() && m.scattering.is_none()));
-        if open && !bounded_sdf(&m.region, &seen.primitives) {
-            diagnostics.push(
-                at(Diagnostic::error(
-                    "E0520",
-                    format!("`{}` reaches to infinity, and its integral along a ray has no closed form", m.name),
-                ))
-                .note("uniform and exponential coefficients can be integrated to infinity; other fields cannot")
-                .hint(hint),
-            );
-        }
-        if scene.render.composite == Composite::Radiance && m.extinction.is_none() && m.emission.is_some() {
-            diagnostics.push(
-                at(Diagnostic::error(
-                    "E0521",
-                    format!("`{}` shines without end and absorbs nothing: its radiance is infinite", m.name),
-                ))
-                .hint("give it a k_a")
-                .hint(hint),
-            );
-        }
-    }
-}
-
-/// A signed distance field may bound a medium although no box is known: tracing finds its far side, or that there is none.
-fn bounded_sdf(region: &shapes::Region, primitives: &[crate::ir::Primitive]) -> bool {
-    use shapes::Region;
-    match region {
-        Region::Leaf(i) => matches!(primitives[*i].kind, crate::ir::PrimitiveKind::Sdf { .. }),
-        Region::Everywhere => false,
-        Region::Union(parts) => parts.iter().all(|r| !r.is_unbounded(primitives) || bounded_sdf(r, primitives)),
-        Region::Intersection(parts) => parts.iter().any(|r| bounded_sdf(r, primitives)),
-        Region::Difference(first, _) => bounded_sdf(first, primitives),
-    }
 }
 
 fn samples(aa: Aa, rays: RaySource, ledger: &mut Ledger) -> u32 {
@@ -272,7 +170,7 @@ fn pixel(builder: &mut KernelBuilder, code: &mut Code) -> Pixel {
 struct Sums(Vec<LocalId>);
 
 impl Sums {
-    fn new(code: &mut Code, traced: &trace::Traced) -> Self {
+    fn new(code: &mut Code, traced: &Traced) -> Self {
         let var = |(kind, width): &(OutputKind, u8)| {
             code.var(output_name(*kind), Ty::float(*width), Expr::F32(0.0).splat(*width))
         };
@@ -280,7 +178,7 @@ impl Sums {
     }
 
     /// Adds a ray with a weight. Evaluations are counted, not weighed.
-    fn add(&self, code: &mut Code, traced: &trace::Traced, ray: &Expr, weight: &Expr) {
+    fn add(&self, code: &mut Code, traced: &Traced, ray: &Expr, weight: &Expr) {
         for (i, ((kind, width), sum)) in traced.fields.iter().zip(&self.0).enumerate() {
             let value = ray.clone().field(i as u32);
             match kind {
@@ -309,7 +207,7 @@ fn edged_entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
     primitives: &[crate::ir::Primitive],
-    traced: &trace::Traced,
+    traced: &Traced,
     stride: u32,
     edge_wanted: bool,
 ) -> crate::program::kernel::Function {
@@ -353,7 +251,7 @@ fn edged_entry(
 fn camera_entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
-    traced: &trace::Traced,
+    traced: &Traced,
     stride: u32,
     samples: u32,
 ) -> crate::program::kernel::Function {
@@ -383,11 +281,11 @@ fn camera_entry(
     code.finish(None)
 }
 
-fn widths(traced: &trace::Traced) -> Vec<u8> {
+fn widths(traced: &Traced) -> Vec<u8> {
     traced.fields.iter().map(|f| f.1).collect()
 }
 
-fn list_entry(builder: &mut KernelBuilder, traced: &trace::Traced, stride: u32) -> crate::program::kernel::Function {
+fn list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
     let mut code = Code::new("probe", None);
     let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
     let count = builder.frame(FrameValue::RayCount);
@@ -404,7 +302,7 @@ fn list_entry(builder: &mut KernelBuilder, traced: &trace::Traced, stride: u32) 
 fn path_loop(
     builder: &mut KernelBuilder,
     code: &mut Code,
-    traced: &trace::Traced,
+    traced: &Traced,
     number: Expr,
     ray: &mut dyn FnMut(&mut KernelBuilder, &mut Code, LocalId) -> rays::Start,
 ) -> Vec<Expr> {
@@ -433,7 +331,7 @@ fn path_loop(
 fn path_camera_entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
-    traced: &trace::Traced,
+    traced: &Traced,
     stride: u32,
     spread: bool,
 ) -> crate::program::kernel::Function {
@@ -455,11 +353,7 @@ fn path_camera_entry(
     code.finish(None)
 }
 
-fn path_list_entry(
-    builder: &mut KernelBuilder,
-    traced: &trace::Traced,
-    stride: u32,
-) -> crate::program::kernel::Function {
+fn path_list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
     let mut code = Code::new("probe", None);
     let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
     let count = builder.frame(FrameValue::RayCount);

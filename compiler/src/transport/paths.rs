@@ -70,14 +70,14 @@ fn scramble_function() -> Function {
 
 /// The two functions of random numbers.
 #[derive(Copy, Clone)]
-pub(super) struct Random {
+pub(crate) struct Random {
     step: FunctionId,
     scramble: FunctionId,
 }
 
 impl Random {
     /// A number in (0, 1), from a state that is moved on.
-    pub(super) fn draw(self, code: &mut Code, rng: LocalId) -> Expr {
+    pub(crate) fn draw(self, code: &mut Code, rng: LocalId) -> Expr {
         code.set(rng, Expr::Call(self.step, vec![rng.into()]));
         let bits = Expr::Call(self.scramble, vec![rng.into()]);
         let top = Expr::binary(BinaryOp::ShiftRight, bits, Expr::U32(8)).convert(Prim::F32);
@@ -85,7 +85,7 @@ impl Random {
     }
 
     /// A state that has nothing in common with another's.
-    pub(super) fn mixed(self, state: Expr) -> Expr {
+    pub(crate) fn mixed(self, state: Expr) -> Expr {
         Expr::Call(self.scramble, vec![Expr::Call(self.step, vec![state])])
     }
 }
@@ -97,7 +97,7 @@ impl Tracer<'_> {
     }
 
     /// Writes the function; its result has the fields of [`Traced`].
-    pub(super) fn write_paths(mut self, ledger: &mut Ledger) -> Traced {
+    pub(crate) fn write_paths(mut self, ledger: &mut Ledger) -> Traced {
         let scene = self.scene;
         let sdfs = self.sdfs();
         let random = self.write_random();

@@ -6,21 +6,21 @@ use crate::program::FrameValue;
 use crate::program::kernel::{Expr, FunctionId, Math, Ty};
 
 /// A ray in a function.
-pub(super) struct Start {
-    pub(super) origin: Expr,
-    pub(super) direction: Expr,
+pub(crate) struct Start {
+    pub(crate) origin: Expr,
+    pub(crate) direction: Expr,
     /// Least t that counts.
-    pub(super) from: Expr,
+    pub(crate) from: Expr,
 }
 
 /// The function `camera_ray(x, y)`: the ray through a point of the picture, in pixels from the top left corner.
-pub(super) struct Camera {
+pub(crate) struct Camera {
     function: FunctionId,
     result: Ty,
 }
 
 impl Camera {
-    pub(super) fn new(builder: &mut KernelBuilder, projection: Projection) -> Self {
+    pub(crate) fn new(builder: &mut KernelBuilder, projection: Projection) -> Self {
         let fields = [("origin", Ty::VEC3), ("direction", Ty::VEC3), ("from_t", Ty::F32)];
         let result = builder.add_struct("CameraRay", fields.map(|(n, ty)| (n.to_owned(), ty)).into());
         let mut code = Code::new("camera_ray", None);
@@ -33,7 +33,7 @@ impl Camera {
     }
 
     /// Calls it.
-    pub(super) fn ray(&self, code: &mut Code, name: &str, x: Expr, y: Expr) -> Start {
+    pub(crate) fn ray(&self, code: &mut Code, name: &str, x: Expr, y: Expr) -> Start {
         let ray = code.bind(name, self.result, Expr::Call(self.function, vec![x, y]));
         Start { origin: ray.clone().field(0), direction: ray.clone().field(1), from: ray.field(2) }
     }
@@ -85,7 +85,7 @@ fn across(code: &mut Code, right: &Expr, up: &Expr, x: Expr, y: Expr, width: &Ex
 }
 
 /// Reads ray number `index` of the list.
-pub(super) fn list(builder: &mut KernelBuilder, code: &mut Code, index: &Expr) -> Start {
+pub(crate) fn list(builder: &mut KernelBuilder, code: &mut Code, index: &Expr) -> Start {
     let rays = builder.rays();
     let at = |i: u32| Expr::Load(rays, Box::new(index.clone() * 8u32 + i));
     let three = |i: u32| Expr::Compose(Ty::VEC3, vec![at(i), at(i + 1), at(i + 2)]);
@@ -97,7 +97,7 @@ pub(super) fn list(builder: &mut KernelBuilder, code: &mut Code, index: &Expr) -
 /// Offset of sample `index` of `count` within its pixel, as (x, y) in 0..1; the same points as the host's.
 ///
 /// A square number makes a regular grid of cell centres; any other count the R2 sequence (Roberts 2018).
-pub(super) fn sample_offset(code: &mut Code, index: Expr, count: u32) -> (Expr, Expr) {
+pub(crate) fn sample_offset(code: &mut Code, index: Expr, count: u32) -> (Expr, Expr) {
     let root = f64::from(count).sqrt().round() as u32;
     if root * root == count {
         let side = f64::from(root);
@@ -115,6 +115,6 @@ pub(super) fn sample_offset(code: &mut Code, index: Expr, count: u32) -> (Expr, 
 }
 
 /// A function of the pixel is called once per sample; its result is a struct.
-pub(super) fn call(function: FunctionId, start: &Start) -> Expr {
+pub(crate) fn call(function: FunctionId, start: &Start) -> Expr {
     Expr::Call(function, vec![start.origin.clone(), start.direction.clone(), start.from.clone()])
 }

@@ -74,7 +74,7 @@ pub(super) struct Phase {
 }
 
 /// All that the kernel needs to know about the scene.
-pub(super) struct Scene {
+pub(crate) struct Scene {
     pub(super) matter: Vec<Matter>,
     /// Of the media that scatter light towards the eye.
     pub(super) phases: Vec<Phase>,
@@ -83,7 +83,7 @@ pub(super) struct Scene {
     /// Whether the background shines on media and surfaces too.
     pub(super) environment: bool,
     pub(super) sheets: Vec<Sheet>,
-    pub(super) primitives: Vec<Primitive>,
+    pub(crate) primitives: Vec<Primitive>,
     pub(super) tiers: Vec<Tier>,
     pub(super) background: Option<NodeId>,
     /// Components of optical depths.
@@ -91,7 +91,7 @@ pub(super) struct Scene {
     /// Components of radiance.
     pub(super) light_width: u8,
     /// Whether every segment has a closed form.
-    pub(super) closed: bool,
+    pub(crate) closed: bool,
 }
 
 fn add(graph: &mut Graph, a: NodeId, b: NodeId) -> NodeId {
@@ -115,7 +115,7 @@ fn no_normal(medium: &crate::ir::Medium) -> Diagnostic {
 }
 
 impl Scene {
-    pub(super) fn new(scene: &mut FieldScene, ledger: &mut Ledger, diagnostics: &mut Diagnostics) -> Self {
+    pub(crate) fn new(scene: &mut FieldScene, ledger: &mut Ledger, diagnostics: &mut Diagnostics) -> Self {
         let media = scene.media.clone();
         let composite = scene.render.composite;
         let projecting = composite != Composite::Radiance;
@@ -280,12 +280,12 @@ impl Scene {
     }
 
     /// Whether anything sends light from within the media.
-    pub(super) fn glows(&self) -> bool {
+    pub(crate) fn glows(&self) -> bool {
         self.matter.iter().any(|m| m.emission.is_some() || m.scattering.is_some())
     }
 
     /// Whether light of lights is gathered somewhere.
-    pub(super) fn is_lit(&self) -> bool {
+    pub(crate) fn is_lit(&self) -> bool {
         !self.lights.is_empty() || self.environment
     }
 

@@ -15,18 +15,18 @@ use super::shapes::{Boundaries, FAR, Ray, Region, SdfFunctions, SpanFunctions, p
 use super::sheets::Nearest;
 use crate::analysis::feature::Features;
 use crate::fields::{Code, FieldFunction, KernelBuilder, Writer, field_function};
-use crate::ir::{Composite, Graph, Input, NodeId, PrimitiveKind, Tier};
+use crate::ir::{Composite, FieldScene, Graph, Input, NodeId, PrimitiveKind, Tier};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
 
 /// What a traced ray returns, and where in the struct.
-pub(super) struct Traced {
-    pub(super) function: FunctionId,
-    pub(super) fields: Vec<(OutputKind, u8)>,
+pub(crate) struct Traced {
+    pub(crate) function: FunctionId,
+    pub(crate) fields: Vec<(OutputKind, u8)>,
     /// For paths.
-    pub(super) random: Option<super::paths::Random>,
+    pub(crate) random: Option<super::paths::Random>,
     /// What fills the cache, and its entry point.
-    pub(super) fill: Option<(crate::program::FillPass, crate::program::kernel::Function)>,
+    pub(crate) fill: Option<(crate::program::FillPass, crate::program::kernel::Function)>,
 }
 
 /// The values of a medium's coefficients where they do not depend on the position.
@@ -97,7 +97,7 @@ pub(super) enum Walk {
     Ratio(super::paths::Ratio),
 }
 
-pub(super) struct Tracer<'a> {
+pub(crate) struct Tracer<'a> {
     pub(super) graph: &'a Graph,
     /// Found when something asks for them.
     pub(super) features: std::cell::OnceCell<Features<'a>>,
@@ -158,6 +158,39 @@ pub(super) fn widen(value: Expr, from: u8, to: u8) -> Expr {
     if from == to { value } else { value.splat(to) }
 }
 
+impl<'a> Tracer<'a> {
+    /// What is `wanted` of rays through a scene, stepped through by a rule.
+    pub(crate) fn new(
+        scene: &'a FieldScene,
+        seen: &'a Scene,
+        builder: &'a mut KernelBuilder,
+        rule: StepRule,
+        wanted: Vec<OutputKind>,
+    ) -> Self {
+        Self {
+            graph: &scene.graph,
+            features: std::cell::OnceCell::new(),
+            scene: seen,
+            builder,
+            spans: SpanFunctions::default(),
+            rule,
+            composite: scene.render.composite,
+            wanted,
+            max_work: scene.render.max_work,
+            shells: scene.shells.clone(),
+            walk: Walk::Eye,
+            nearest: None,
+            shadow: None,
+            in_scattered: None,
+            visible: None,
+            cache: None,
+            only: None,
+            random: None,
+            transmitted: None,
+        }
+    }
+}
+
 impl Tracer<'_> {
     pub(super) fn wants(&self, kind: OutputKind) -> bool {
         self.wanted.contains(&kind)
@@ -179,7 +212,7 @@ impl Tracer<'_> {
     }
 
     /// Writes the function.
-    pub(super) fn write(mut self, ledger: &mut Ledger) -> Traced {
+    pub(crate) fn write(mut self, ledger: &mut Ledger) -> Traced {
         let sdfs = self.sdfs();
         self.nearest = self.write_nearest();
         let mut fill = None;

@@ -14,19 +14,19 @@ use crate::ir::{Graph, Primitive, PrimitiveKind};
 use crate::program::kernel::{Expr, FunctionId, Math, Ty};
 
 /// How an edge divides a pixel.
-pub(super) struct Division {
+pub(crate) struct Division {
     /// Share of the pixel on the side of the shape, 0..1; 1 where there is no edge.
-    pub(super) covered: Expr,
+    pub(crate) covered: Expr,
     /// From the pixel's centre to the middle of the side of the shape, in pixels.
-    pub(super) inner: (Expr, Expr),
+    pub(crate) inner: (Expr, Expr),
     /// To the middle of the other side.
-    pub(super) outer: (Expr, Expr),
+    pub(crate) outer: (Expr, Expr),
     /// Whether some edge crosses the pixel.
-    pub(super) divided: Expr,
+    pub(crate) divided: Expr,
 }
 
 /// Whether this primitive has a silhouette that g describes.
-pub(super) fn has_edge(primitive: &Primitive) -> bool {
+pub(crate) fn has_edge(primitive: &Primitive) -> bool {
     match primitive.kind {
         PrimitiveKind::Sphere { .. }
         | PrimitiveKind::Ellipsoid { .. }
@@ -128,7 +128,7 @@ fn faces(code: &mut Code, o: Expr, d: Expr, low: Expr, high: Expr, name: &str) -
 }
 
 /// Writes how edges divide the pixel around (x, y); `None` if no primitive has an edge.
-pub(super) fn divide(
+pub(crate) fn divide(
     graph: &Graph,
     builder: &mut KernelBuilder,
     code: &mut Code,

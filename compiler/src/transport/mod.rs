@@ -1,0 +1,38 @@
+//! Light along a ray, as kernel code: shared by every backend that follows rays, whole or in stretches, so that a scene
+//! means the same in each.
+//!
+//! [`Scene`] is what must be known of a scene; [`Tracer`] writes the functions of a ray from it; [`rays`]
+//! makes the rays of a camera or a list, [`edges`] finds silhouettes in pixels.
+
+mod cache;
+mod closed;
+pub(crate) mod edges;
+mod endless;
+mod light;
+mod march;
+mod matter;
+mod paths;
+mod project;
+pub(crate) mod rays;
+mod sample;
+mod shapes;
+mod sheets;
+mod trace;
+
+use crate::program::OutputKind;
+
+pub(crate) use matter::Scene;
+pub(crate) use trace::{Traced, Tracer};
+
+/// The name of an output in the shader.
+pub(crate) fn output_name(kind: OutputKind) -> &'static str {
+    match kind {
+        OutputKind::Radiance => "radiance",
+        OutputKind::Transmittance => "transmittance",
+        OutputKind::OpticalDepth => "optical_depth",
+        OutputKind::Error => "error",
+        OutputKind::Evaluations => "evaluations",
+        OutputKind::Fault => "fault",
+        OutputKind::Edge => "edge",
+    }
+}
