@@ -65,6 +65,9 @@ pub(crate) struct Schedule {
     /// Instead of `render.steps`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) steps: Option<u32>,
+    /// Slabs that slicing cuts the media into, instead of `render.slices`
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65535))]
+    pub(crate) slices: Option<u32>,
     /// Paths of each pixel or ray with `scattering = multiple`, instead of `render.samples`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
@@ -80,6 +83,7 @@ impl Schedule {
             scattering: self.scattering.map(ScatteringName::scattering),
             accuracy: self.accuracy,
             steps: self.steps,
+            slices: self.slices,
             samples: self.samples,
             ..options
         }

@@ -34,7 +34,7 @@ pub fn compile(name: &str, text: &str, loader: &dyn Loader, options: &Options) -
 fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -> Option<Program> {
     for finding in lower::pending(scene).0 {
         // An explicit choice of backend takes the place of the scene's.
-        if !(options.backend.is_some() && matches!(finding.code, "E0905" | "E0906")) {
+        if !(options.backend.is_some() && finding.code == "E0906") {
             diagnostics.push(finding);
         }
     }
@@ -53,7 +53,7 @@ fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -
     let Some((_, _, build)) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted) else {
         let there: Vec<&str> = REGISTRY.iter().map(|b| b.1).collect();
         let message = format!("the backend `{wanted:?}` is not there yet").to_lowercase();
-        diagnostics.push(Diagnostic::error("E0905", message).hint(format!("there is `{}`", there.join("`, `"))));
+        diagnostics.push(Diagnostic::error("E0906", message).hint(format!("there is `{}`", there.join("`, `"))));
         return None;
     };
     let (kernels, plan) = build(&mut optimised, options, &mut ledger, diagnostics)?;
@@ -70,12 +70,10 @@ fn apply(options: &Options, scene: &mut FieldScene) {
     render.scattering = options.scattering.unwrap_or(render.scattering);
     if let Some(accuracy) = options.accuracy {
         render.accuracy = accuracy;
-        render.steps = None;
+        (render.steps, render.slices, render.samples) = (None, None, None);
     }
     render.steps = options.steps.or(render.steps);
-    if options.accuracy.is_some() {
-        render.samples = None;
-    }
+    render.slices = options.slices.or(render.slices);
     render.samples = options.samples.or(render.samples);
     scene.image.size = options.size.unwrap_or(scene.image.size);
     scene.image.aa = options.aa.unwrap_or(scene.image.aa);

@@ -16,7 +16,9 @@ pub struct Options {
     pub backend: Option<Backend>,
     /// Instead of `render.steps`.
     pub steps: Option<u32>,
-    /// Instead of `render.accuracy`; also drops `render.steps` unless `steps` is given too.
+    /// Instead of `render.slices`.
+    pub slices: Option<u32>,
+    /// Instead of `render.accuracy`; also drops `render.steps`, `.slices` and `.samples` unless they are given too.
     pub accuracy: Option<f64>,
     /// Instead of `render.scattering`.
     pub scattering: Option<Scattering>,
@@ -36,6 +38,7 @@ impl Default for Options {
             outputs: vec![OutputKind::Radiance, OutputKind::Transmittance, OutputKind::Error],
             backend: None,
             steps: None,
+            slices: None,
             accuracy: None,
             scattering: None,
             samples: None,

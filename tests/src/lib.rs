@@ -1,6 +1,7 @@
 //! What the suites share: finding scenes, opening them on an engine, and the expectations that stand in the scenes themselves.
 
 use compiler::Options;
+use compiler::diagnostic::{Diagnostics, Severity};
 use runtime::frame::{
     Cause, Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble,
 };
@@ -74,6 +75,28 @@ pub fn open(path: &Path, options: Options, engine: EngineChoice) -> Option<Sessi
         }
         Err(trouble) => fail(path, &trouble),
     }
+}
+
+/// Codes of the errors that a compilation finds, each once.
+///
+/// # Panics
+/// If the scene cannot be read.
+#[must_use]
+pub fn codes(path: &Path, options: &Options) -> Vec<&'static str> {
+    let loader = FileLoader::new(path.parent().expect("a scene lies in a folder"));
+    errors(&compiler::compile(name(path), &text(path), &loader, options).diagnostics)
+}
+
+/// The same of a text that names no files.
+#[must_use]
+pub fn codes_of(text: &str, options: &Options) -> Vec<&'static str> {
+    errors(&compiler::compile("scene.vol", text, &FileLoader::new(Path::new(".")), options).diagnostics)
+}
+
+fn errors(found: &Diagnostics) -> Vec<&'static str> {
+    let mut codes: Vec<_> = found.iter().filter(|d| d.severity == Severity::Error).map(|d| d.code).collect();
+    codes.dedup();
+    codes
 }
 
 /// Ends the test with what an engine had to say.

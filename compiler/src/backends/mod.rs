@@ -1,6 +1,7 @@
 //! Backends: field graph and facts in, kernels and a plan out. None imports another.
 
 pub mod raymarch;
+pub mod slicing;
 
 use crate::Options;
 use crate::diagnostic::Diagnostics;
@@ -11,4 +12,5 @@ use crate::program::{Ledger, Plan, kernel::Kernel};
 pub type Build = fn(&mut FieldScene, &Options, &mut Ledger, &mut Diagnostics) -> Option<(Vec<Kernel>, Plan)>;
 
 /// Every backend, by the word of the language. Adding one is a line here.
-pub const REGISTRY: [(Backend, &str, Build); 1] = [(Backend::Raymarch, "raymarch", raymarch::build)];
+pub const REGISTRY: [(Backend, &str, Build); 2] =
+    [(Backend::Raymarch, "raymarch", raymarch::build), (Backend::Slicing, "slicing", slicing::build)];

@@ -1,6 +1,6 @@
 //! A small builder over naga's arenas: types, literals and, in one place, `Emit` ranges and blocks.
 
-use crate::program::kernel::{Kernel, Prim, Ty};
+use crate::program::kernel::{Carries, Kernel, Prim, Ty};
 use naga::{
     Block, Expression, Handle, Literal, LocalVariable, Module, Scalar, ScalarKind, Span, Statement, StructMember, Type,
     TypeInner, VectorSize,
@@ -44,29 +44,55 @@ fn layout(prim: Prim, width: u8) -> (u32, u32) {
     (bytes * u32::from(width), bytes * u32::from(if width == 3 { 4 } else { width }))
 }
 
+/// How a field passes through the rasteriser.
+fn carried(carries: Carries, place: u32, ty: Ty) -> naga::Binding {
+    let location = |location, interpolation, sampling| naga::Binding::Location {
+        location,
+        interpolation,
+        sampling,
+        blend_src: None,
+        per_primitive: false,
+    };
+    match (carries, ty) {
+        (Carries::Varyings, _) if place == 0 => naga::Binding::BuiltIn(naga::BuiltIn::Position { invariant: false }),
+        (Carries::Varyings, Ty::Value(Prim::F32, _)) => {
+            location(place - 1, Some(naga::Interpolation::Perspective), Some(naga::Sampling::Center))
+        }
+        (Carries::Varyings, _) => location(place - 1, Some(naga::Interpolation::Flat), None),
+        (Carries::Colors, _) => location(place, None, None),
+    }
+}
+
 /// The types of a module, made when first asked for so that nothing unused is declared.
 pub(super) struct Types {
-    /// Handle, size and alignment of each struct.
-    structs: Vec<(Handle<Type>, u32, u32)>,
+    /// Handle, size and alignment of each struct; `None` where this kernel does not use it.
+    structs: Vec<Option<(Handle<Type>, u32, u32)>>,
 }
 
 impl Types {
-    /// Declares the structs of a kernel under the names given: each its own and those of its fields.
+    /// Declares the structs that a kernel uses under the names given: each its own and those of its fields.
     pub(super) fn new(kernel: &Kernel, module: &mut Module, names: Vec<(String, Vec<String>)>) -> Self {
         let mut types = Self { structs: vec![] };
-        for (s, (name, fields)) in kernel.structs.iter().zip(names) {
+        let used = crate::program::used_structs(kernel);
+        for ((s, used), (name, fields)) in kernel.structs.iter().zip(used).zip(names) {
+            if !used {
+                types.structs.push(None);
+                continue;
+            }
             let (mut end, mut widest) = (0u32, 1u32);
             let mut members = vec![];
             for ((_, ty), field) in s.fields.iter().zip(fields) {
                 let (size, alignment) = types.layout(*ty);
                 let offset = end.next_multiple_of(alignment);
                 (end, widest) = (offset + size, widest.max(alignment));
-                members.push(StructMember { name: Some(field), ty: types.get(module, *ty), binding: None, offset });
+                let place = members.len() as u32;
+                let binding = s.carries.map(|carries| carried(carries, place, *ty));
+                members.push(StructMember { name: Some(field), ty: types.get(module, *ty), binding, offset });
             }
             let span = end.next_multiple_of(widest);
             let inner = TypeInner::Struct { members, span };
             let handle = module.types.insert(Type { name: Some(name), inner }, Span::UNDEFINED);
-            types.structs.push((handle, span, widest));
+            types.structs.push(Some((handle, span, widest)));
         }
         types
     }
@@ -77,14 +103,18 @@ impl Types {
             Ty::Value(prim, width) => {
                 module.types.insert(Type { name: None, inner: inner(prim, width) }, Span::UNDEFINED)
             }
-            Ty::Struct(i) => self.structs[i as usize].0,
+            Ty::Struct(i) => self.of_struct(i).0,
         }
+    }
+
+    fn of_struct(&self, number: u32) -> (Handle<Type>, u32, u32) {
+        self.structs[number as usize].expect("a struct that is named was found in use")
     }
 
     fn layout(&self, ty: Ty) -> (u32, u32) {
         match ty {
             Ty::Value(prim, width) => layout(prim, width),
-            Ty::Struct(i) => (self.structs[i as usize].1, self.structs[i as usize].2),
+            Ty::Struct(i) => (self.of_struct(i).1, self.of_struct(i).2),
         }
     }
 
@@ -96,10 +126,10 @@ impl Types {
         module.types.insert(Type { name: None, inner }, Span::UNDEFINED)
     }
 
-    /// The handle of a sampled 3D texture.
-    pub(super) fn texture(&self, module: &mut Module, prim: Prim) -> Handle<Type> {
+    /// The handle of a sampled texture.
+    pub(super) fn texture(&self, module: &mut Module, prim: Prim, dim: naga::ImageDimension) -> Handle<Type> {
         let inner = TypeInner::Image {
-            dim: naga::ImageDimension::D3,
+            dim,
             arrayed: false,
             class: naga::ImageClass::Sampled { kind: kind(prim), multi: false },
         };

@@ -6,7 +6,7 @@ use super::names::Names;
 use super::source_map::Origin;
 use crate::program::breaks;
 use crate::program::kernel::{
-    BinaryOp, Expr, Function, FunctionId, Kernel, LocalId, Math, Prim, ResourceKind, Stmt, Ty, UnaryOp,
+    BinaryOp, Expr, Function, FunctionId, Kernel, LocalId, Math, Prim, ResourceKind, Stage, Stmt, Ty, UnaryOp,
 };
 use crate::source::Span;
 use naga::{
@@ -86,9 +86,16 @@ pub(super) fn lower(kernel: &Kernel) -> Result<Lowered, EmitError> {
     let Lowering { mut module, origins, calls, .. } = lowering;
     module.entry_points.push(naga::EntryPoint {
         name: entry.clone(),
-        stage: naga::ShaderStage::Compute,
+        stage: match kernel.stage {
+            Stage::Compute(_) => naga::ShaderStage::Compute,
+            Stage::Vertex => naga::ShaderStage::Vertex,
+            Stage::Fragment => naga::ShaderStage::Fragment,
+        },
         early_depth_test: None,
-        workgroup_size: kernel.workgroup,
+        workgroup_size: match kernel.stage {
+            Stage::Compute(size) => size,
+            Stage::Vertex | Stage::Fragment => [0; 3],
+        },
         workgroup_size_overrides: None,
         function,
         mesh_info: None,
@@ -116,7 +123,14 @@ impl Lowering<'_> {
                     let access = naga::StorageAccess::LOAD | naga::StorageAccess::STORE;
                     (storage(access), self.types.array(&mut self.module, ty))
                 }
-                ResourceKind::Texture3d(prim) => (AddressSpace::Handle, self.types.texture(&mut self.module, prim)),
+                ResourceKind::Texture3d(prim) => {
+                    let dim = naga::ImageDimension::D3;
+                    (AddressSpace::Handle, self.types.texture(&mut self.module, prim, dim))
+                }
+                ResourceKind::Texture2d => {
+                    let dim = naga::ImageDimension::D2;
+                    (AddressSpace::Handle, self.types.texture(&mut self.module, Prim::F32, dim))
+                }
             };
             let global = naga::GlobalVariable {
                 name: Some(self.names.unique(&r.name)),
@@ -139,10 +153,16 @@ impl Lowering<'_> {
             let ty = self.types.get(&mut self.module, *ty);
             arguments.push(naga::FunctionArgument { name: Some(self.names.unique(wanted)), ty, binding: None });
         }
-        if entry && uses_global_id(&f.body) {
-            let ty = self.types.get(&mut self.module, Ty::Value(Prim::U32, 3));
-            let binding = Some(naga::Binding::BuiltIn(BuiltIn::GlobalInvocationId));
-            arguments.push(naga::FunctionArgument { name: Some(self.names.unique("global_id")), ty, binding });
+        let indices = if entry { indices(&f.body) } else { vec![] };
+        for builtin in &indices {
+            let (name, width) = match builtin {
+                BuiltIn::GlobalInvocationId => ("global_id", 3),
+                BuiltIn::VertexIndex => ("vertex_index", 1),
+                _ => ("instance_index", 1),
+            };
+            let ty = self.types.get(&mut self.module, Ty::Value(Prim::U32, width));
+            let binding = Some(naga::Binding::BuiltIn(*builtin));
+            arguments.push(naga::FunctionArgument { name: Some(self.names.unique(name)), ty, binding });
         }
         let result =
             f.result.map(|ty| naga::FunctionResult { ty: self.types.get(&mut self.module, ty), binding: None });
@@ -168,6 +188,7 @@ impl Lowering<'_> {
             local_names,
             body,
             arguments,
+            indices,
             span: f.origin,
         };
         lowering.block(&f.body)?;
@@ -186,7 +207,8 @@ impl Lowering<'_> {
     fn uniform(&self) -> Option<(usize, usize)> {
         self.kernel.resources.iter().enumerate().find_map(|(i, r)| match r.kind {
             ResourceKind::Uniform(s) => Some((i, self.kernel.structs[s as usize].fields.len())),
-            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) | ResourceKind::Texture3d(_) => None,
+            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => None,
+            ResourceKind::Texture3d(_) | ResourceKind::Texture2d => None,
         })
     }
 }
@@ -217,6 +239,7 @@ struct FunctionLowering<'a, 'k> {
     local_names: Vec<String>,
     body: Body,
     arguments: Vec<Handle<Expression>>,
+    indices: Vec<BuiltIn>,
     global_handles: Vec<Option<Handle<Expression>>>,
     slots: Vec<Slot>,
     loads: Loads,
@@ -344,7 +367,7 @@ impl FunctionLowering<'_, '_> {
                 let pointer = self.element(*buffer, index)?;
                 Ok(self.load(pointer, name))
             }
-            Expr::Argument(_) | Expr::GlobalId => self.expr(e),
+            Expr::Argument(_) | Expr::GlobalId | Expr::VertexIndex | Expr::InstanceIndex => self.expr(e),
             Expr::Unary(..) | Expr::Binary(..) | Expr::Math(..) | Expr::Compose(..) | Expr::Splat(..) => {
                 self.bind_value(e, name)
             }
@@ -360,6 +383,12 @@ impl FunctionLowering<'_, '_> {
             self.body.name(handle, name);
         }
         Ok(handle)
+    }
+
+    /// An index of the invocation: these arguments come after the parameters.
+    fn index(&self, builtin: BuiltIn) -> Handle<Expression> {
+        let place = self.indices.iter().position(|b| *b == builtin).expect("found when the arguments were declared");
+        self.arguments[self.f.parameters.len() + place]
     }
 
     /// The value of an expression; a long one gets a name of its own.
@@ -384,8 +413,9 @@ impl FunctionLowering<'_, '_> {
             }
             Expr::Local(id) => self.local(*id)?,
             Expr::Argument(i) => self.arguments[*i as usize],
-            // The entry point has no parameters but this.
-            Expr::GlobalId => self.arguments[0],
+            Expr::GlobalId => self.index(BuiltIn::GlobalInvocationId),
+            Expr::VertexIndex => self.index(BuiltIn::VertexIndex),
+            Expr::InstanceIndex => self.index(BuiltIn::InstanceIndex),
             Expr::Uniform(i) => self.uniform(*i)?,
             Expr::Unary(op, a) => {
                 let op = match op {
@@ -522,7 +552,8 @@ impl FunctionLowering<'_, '_> {
     fn uniform_name(&mut self, field: u32) -> String {
         let wanted = self.of.kernel.resources.iter().find_map(|r| match r.kind {
             ResourceKind::Uniform(s) => Some(self.of.field_names[s as usize][field as usize].as_str()),
-            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) | ResourceKind::Texture3d(_) => None,
+            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => None,
+            ResourceKind::Texture3d(_) | ResourceKind::Texture2d => None,
         });
         self.of.names.unique(wanted.unwrap_or("uniform_value"))
     }
@@ -630,27 +661,19 @@ fn math(f: Math) -> MathFunction {
     }
 }
 
-fn uses_global_id(block: &[Stmt]) -> bool {
-    block.iter().any(|s| match s {
-        Stmt::Let(_, e) | Stmt::Var(_, e) | Stmt::Assign(_, e) | Stmt::Return(Some(e)) => global_id_in(e),
-        Stmt::If(condition, accept, reject) => {
-            global_id_in(condition) || uses_global_id(accept) || uses_global_id(reject)
+/// The indices of its invocation that an entry point reads, in the order of its arguments.
+fn indices(body: &[Stmt]) -> Vec<BuiltIn> {
+    let mut found = vec![];
+    crate::program::expressions(body, &mut |e| {
+        let builtin = match e {
+            Expr::GlobalId => BuiltIn::GlobalInvocationId,
+            Expr::VertexIndex => BuiltIn::VertexIndex,
+            Expr::InstanceIndex => BuiltIn::InstanceIndex,
+            _ => return,
+        };
+        if !found.contains(&builtin) {
+            found.push(builtin);
         }
-        Stmt::Loop(body) => uses_global_id(body),
-        Stmt::Break | Stmt::Continue | Stmt::Return(None) => false,
-        Stmt::Store { index, value, .. } => global_id_in(index) || global_id_in(value),
-    })
-}
-
-fn global_id_in(e: &Expr) -> bool {
-    match e {
-        Expr::GlobalId => true,
-        Expr::F32(_) | Expr::I32(_) | Expr::U32(_) | Expr::Bool(_) => false,
-        Expr::Local(_) | Expr::Argument(_) | Expr::Uniform(_) => false,
-        Expr::Unary(_, a) | Expr::Splat(a, _) | Expr::Component(a, _) | Expr::Field(a, _) => global_id_in(a),
-        Expr::Convert(_, a) | Expr::Bitcast(_, a) | Expr::TextureLoad(_, a) | Expr::Load(_, a) => global_id_in(a),
-        Expr::Binary(_, a, b) => global_id_in(a) || global_id_in(b),
-        Expr::Select(a, b, c) => global_id_in(a) || global_id_in(b) || global_id_in(c),
-        Expr::Math(_, parts) | Expr::Compose(_, parts) | Expr::Call(_, parts) => parts.iter().any(global_id_in),
-    }
+    });
+    found
 }

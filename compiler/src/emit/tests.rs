@@ -1,6 +1,7 @@
 use super::*;
 use crate::program::kernel::{
-    BinaryOp, Expr, Function, FunctionId, Local, LocalId, Math, Prim, Resource, ResourceKind, Stmt, Struct, Ty, UnaryOp,
+    BinaryOp, Carries, Expr, Function, FunctionId, Local, LocalId, Math, Prim, Resource, ResourceKind, Stage, Stmt,
+    Struct, Ty, UnaryOp,
 };
 use crate::program::{FrameValue, UniformLayout, UniformSource};
 use crate::source::{SourceId, Sources};
@@ -48,7 +49,7 @@ impl Writer {
 fn kernel(entry: Function) -> Kernel {
     Kernel {
         name: "draw".into(),
-        workgroup: [8, 8, 1],
+        stage: Stage::Compute([8, 8, 1]),
         structs: vec![Struct {
             name: "Frame".into(),
             fields: vec![
@@ -59,6 +60,7 @@ fn kernel(entry: Function) -> Kernel {
                 ("steps".into(), Ty::U32),
                 ("σ".into(), Ty::float(4)),
             ],
+            carries: None,
         }],
         resources: vec![
             Resource { name: "frame".into(), kind: ResourceKind::Uniform(0) },
@@ -108,8 +110,13 @@ fn all_targets(kernel: &Kernel) -> (Shader, String) {
     assert!(!words.iter().any(|w| w.starts_with("_e")), "an unnamed value in\n{wgsl}");
     assert_eq!(shader.spirv().expect("SPIR-V")[0], 0x0723_0203);
     assert!(shader.glsl().expect("GLSL").contains("void main()"));
-    assert!(shader.hlsl().expect("HLSL").contains("numthreads("));
-    assert!(shader.msl().expect("MSL").contains("kernel void"));
+    let (hlsl, msl) = match kernel.stage {
+        Stage::Compute(_) => ("numthreads(", "kernel void"),
+        Stage::Vertex => ("SV_Position", "vertex "),
+        Stage::Fragment => ("SV_Target", "fragment "),
+    };
+    assert!(shader.hlsl().expect("HLSL").contains(hlsl));
+    assert!(shader.msl().expect("MSL").contains(msl));
     assert!(shader.naga_text().contains("entry_points"));
     (shader, wgsl)
 }
@@ -301,7 +308,7 @@ fn everything() -> Kernel {
     e.f.body.push(Stmt::If(c, vec![], vec![Stmt::Return(None)]));
     let mut k = kernel(e.f);
     let fields = vec![("t".into(), Ty::F32), ("normal".into(), Ty::VEC3), ("inside".into(), Ty::BOOL)];
-    k.structs.push(Struct { name: "Hit".into(), fields });
+    k.structs.push(Struct { name: "Hit".into(), fields, carries: None });
     k.functions = vec![nearest.f, count.f];
     k
 }
@@ -319,6 +326,46 @@ fn everything_in_every_target() {
         let text = text.expect("text");
         assert!(text.contains(" hit = nearest("), "{text}");
         assert!(!text.contains(" _e"), "{text}");
+    }
+}
+
+/// Corners that come out of a buffer, and pixels that say where they are.
+#[test]
+fn corners_and_pixels_in_every_target() {
+    let varyings = vec![("position".into(), Ty::float(4)), ("slab".into(), Ty::U32), ("shade".into(), Ty::float(2))];
+    let colors = vec![("light".into(), Ty::float(4)), ("sums".into(), Ty::float(4))];
+    let (corner, color) = (Ty::Struct(1), Ty::Struct(2));
+    let structs = [("Corner", Carries::Varyings, varyings), ("Colors", Carries::Colors, colors)]
+        .map(|(name, carries, fields)| Struct { name: name.into(), fields, carries: Some(carries) });
+    let staged = |stage, entry| {
+        let mut k = kernel(entry);
+        k.structs.extend(structs.clone());
+        k.stage = stage;
+        k
+    };
+
+    let mut outline = Writer::new("outline", &[], Some(corner));
+    let at = Expr::Load(2, Box::new(Expr::VertexIndex + Expr::InstanceIndex));
+    let at = outline.bind("at", Ty::float(4), at);
+    let shade = Expr::Compose(Ty::float(2), vec![component(at.clone(), 0), component(at.clone(), 1)]);
+    let value = Expr::Compose(corner, vec![at, Expr::InstanceIndex, shade]);
+    outline.f.body.push(Stmt::Return(Some(value)));
+    let (_, wgsl) = all_targets(&staged(Stage::Vertex, outline.f));
+    insta::assert_snapshot!("corners", wgsl);
+
+    let mut slice = Writer::new("slice", &[("corner", corner)], Some(color));
+    let from = Expr::Argument(0);
+    let light = slice.bind("light", Ty::float(4), from.clone().field(0) * component(from.clone().field(2), 0).splat(4));
+    let sums = from.field(1).convert(Prim::F32).splat(4);
+    slice.f.body.push(Stmt::Return(Some(Expr::Compose(color, vec![light, sums]))));
+    let fragment = staged(Stage::Fragment, slice.f);
+    let (_, wgsl) = all_targets(&fragment);
+    insta::assert_snapshot!("pixels", wgsl);
+
+    // A stage has what it has and nothing else.
+    for stage in [Stage::Compute([8, 8, 1]), Stage::Vertex] {
+        let wrong = Kernel { stage, ..fragment.clone() };
+        assert!(crate::program::verify(&wrong).is_err());
     }
 }
 

@@ -48,7 +48,7 @@ impl Shader {
             options.binding_map.insert(binding, slot);
         }
         let pipeline = glsl::PipelineOptions {
-            shader_stage: naga::ShaderStage::Compute,
+            shader_stage: self.module.entry_points[0].stage,
             entry_point: self.entry.clone(),
             multiview: None,
         };

@@ -3,7 +3,7 @@
 use super::helpers::Helper;
 use crate::ir::{Graph, GridId, MeshId, NodeId, TableId, Type};
 use crate::program::kernel::{
-    Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stmt, Struct, Ty,
+    Carries, Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stage, Stmt, Struct, Ty,
 };
 use crate::program::{Binding, FrameValue, UniformLayout, UniformSource, texture_prim};
 use crate::source::Span;
@@ -52,6 +52,12 @@ impl KernelBuilder {
             FrameValue::CacheLow => ("cache_low", 3, false),
             FrameValue::CacheSize => ("cache_size", 1, false),
             FrameValue::PixelScale => ("pixel_scale", 1, false),
+            FrameValue::Repeat => ("repeat", 1, true),
+            FrameValue::SlabStart => ("slab_start", 1, false),
+            FrameValue::SlabStep => ("slab_step", 1, false),
+            FrameValue::SlabCount => ("slab_count", 1, true),
+            FrameValue::BoundsLow => ("bounds_low", 3, false),
+            FrameValue::BoundsHigh => ("bounds_high", 3, false),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
     }
@@ -115,9 +121,35 @@ impl KernelBuilder {
         self.resource("records", ResourceKind::WriteBuffer(Ty::F32), Binding::Records)
     }
 
+    /// What passes tell those after them, to be written.
+    pub fn notes(&mut self) -> u32 {
+        self.resource("notes", ResourceKind::WriteBuffer(Ty::F32), Binding::Notes)
+    }
+
+    /// The same, to be read.
+    pub fn notes_read(&mut self) -> u32 {
+        self.resource("notes_read", ResourceKind::ReadBuffer(Ty::F32), Binding::NotesRead)
+    }
+
+    /// Outlines of slabs.
+    pub fn outlines(&mut self) -> u32 {
+        self.resource("outlines", ResourceKind::ReadBuffer(Ty::F32), Binding::Outlines)
+    }
+
+    /// What was drawn into a target.
+    pub fn target(&mut self, number: u32, name: &str) -> u32 {
+        self.resource(name, ResourceKind::Texture2d, Binding::Target(number))
+    }
+
     /// Declares a struct.
     pub fn add_struct(&mut self, name: &str, fields: Vec<(String, Ty)>) -> Ty {
-        self.structs.push(Struct { name: name.to_owned(), fields });
+        self.structs.push(Struct { name: name.to_owned(), fields, carries: None });
+        Ty::Struct(self.structs.len() as u32 - 1)
+    }
+
+    /// Declares a struct that passes through the rasteriser.
+    pub fn add_carrier(&mut self, name: &str, carries: Carries, fields: Vec<(String, Ty)>) -> Ty {
+        self.structs.push(Struct { name: name.to_owned(), fields, carries: Some(carries) });
         Ty::Struct(self.structs.len() as u32 - 1)
     }
 
@@ -152,9 +184,9 @@ impl KernelBuilder {
         Expr::Call(self.helper(graph, helper), arguments.into())
     }
 
-    /// The kernels (each a name, a workgroup and an entry point), what to bind to them, and the contents of their uniform block.
+    /// The kernels (each a name, a stage and an entry point), what to bind to them, and the contents of their uniform block.
     #[must_use]
-    pub fn finish(mut self, entries: Vec<(&str, [u32; 3], Function)>) -> (Vec<Kernel>, Vec<Binding>, UniformLayout) {
+    pub fn finish(mut self, entries: Vec<(&str, Stage, Function)>) -> (Vec<Kernel>, Vec<Binding>, UniformLayout) {
         let layout = UniformLayout::new(self.uniforms.iter().cloned());
         let prim =
             |integer: bool| if integer { crate::program::kernel::Prim::U32 } else { crate::program::kernel::Prim::F32 };
@@ -166,9 +198,9 @@ impl KernelBuilder {
             resources.push(resource);
             bindings.push(binding);
         }
-        let kernels = entries.into_iter().map(|(name, workgroup, entry)| Kernel {
+        let kernels = entries.into_iter().map(|(name, stage, entry)| Kernel {
             name: name.to_owned(),
-            workgroup,
+            stage,
             structs: self.structs.clone(),
             resources: resources.clone(),
             functions: self.functions.clone(),

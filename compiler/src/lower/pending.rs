@@ -29,13 +29,12 @@ pub fn pending(scene: &Scene) -> Diagnostics {
         );
     }
     let backend = match scene.render.backend {
-        Backend::Auto | Backend::Raymarch => None,
-        Backend::Slicing => Some(("E0905", "slicing")),
+        Backend::Auto | Backend::Raymarch | Backend::Slicing => None,
         Backend::Splatting => Some(("E0906", "splatting")),
     };
     if let Some((code, name)) = backend {
         let mut diagnostic = Diagnostic::error(code, format!("the backend `{name}` is not there yet"))
-            .hint("use `backend = raymarch`, or `auto`");
+            .hint("use `backend = raymarch`, `slicing` or `auto`");
         if let Some(span) = scene.render.span {
             diagnostic = diagnostic.at(span, "asked for here");
         }

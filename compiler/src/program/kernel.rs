@@ -50,6 +50,29 @@ pub struct Struct {
     pub name: String,
     /// Names and types; values only, no structs within structs.
     pub fields: Vec<(String, Ty)>,
+    /// What of the rasteriser it carries, if anything.
+    pub carries: Option<Carries>,
+}
+
+/// What passes through the rasteriser in a struct.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Carries {
+    /// From vertices to fragments. Field 0 is the position, vec4 of f32: in clip space for a vertex, and for a fragment the
+    /// centre of its pixel in x and y. Integers after it are those of the triangle's first vertex; floats are interpolated.
+    Varyings,
+    /// From fragments to the targets of the pass: field `i` is blended into target `i`. vec4 of f32 each.
+    Colors,
+}
+
+/// Which part of a pass an entry point is.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// One invocation per ray (or whatever the plan says), in workgroups of this size.
+    Compute([u32; 3]),
+    /// One invocation per vertex of a triangle; returns a struct of [`Carries::Varyings`].
+    Vertex,
+    /// One invocation per pixel that a triangle covers; from a struct of [`Carries::Varyings`] to one of [`Carries::Colors`].
+    Fragment,
 }
 
 /// Something bound from outside; its binding number is its index, its group 0.
@@ -72,6 +95,8 @@ pub enum ResourceKind {
     WriteBuffer(Ty),
     /// `texture_3d<T>` of f32, i32 or u32.
     Texture3d(Prim),
+    /// `texture_2d<f32>`: what fragments were blended into.
+    Texture2d,
 }
 
 /// A local of a function.
@@ -110,21 +135,32 @@ pub struct Function {
     pub origin: Option<Span>,
 }
 
-/// A compute kernel. One invocation per ray (or whatever the plan says).
+/// A kernel: one entry point and what it calls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
     /// Name of the entry point.
     pub name: String,
-    /// Size of a workgroup.
-    pub workgroup: [u32; 3],
+    /// Which part of a pass it is.
+    pub stage: Stage,
     /// Structs.
     pub structs: Vec<Struct>,
     /// What is bound.
     pub resources: Vec<Resource>,
     /// Functions, callees first.
     pub functions: Vec<Function>,
-    /// The entry point: no parameters, no result.
+    /// The entry point: without parameters or result but those that its stage asks for.
     pub entry: Function,
+}
+
+impl Kernel {
+    /// Size of a workgroup; 1 × 1 × 1 for what is drawn.
+    #[must_use]
+    pub fn workgroup(&self) -> [u32; 3] {
+        match self.stage {
+            Stage::Compute(size) => size,
+            Stage::Vertex | Stage::Fragment => [1; 3],
+        }
+    }
 }
 
 /// A statement.
@@ -239,8 +275,12 @@ pub enum Expr {
     Argument(u32),
     /// A field of the uniform struct.
     Uniform(u32),
-    /// `@builtin(global_invocation_id)`, vec3 of u32; in the entry point only.
+    /// `@builtin(global_invocation_id)`, vec3 of u32; in the entry point of a compute kernel only.
     GlobalId,
+    /// `@builtin(vertex_index)`, u32; in the entry point of a vertex kernel only.
+    VertexIndex,
+    /// `@builtin(instance_index)`, u32; likewise.
+    InstanceIndex,
     /// Prefix operator.
     Unary(UnaryOp, Box<Expr>),
     /// Infix operator.
@@ -263,7 +303,7 @@ pub enum Expr {
     Bitcast(Prim, Box<Expr>),
     /// A call of an earlier function with a result.
     Call(FunctionId, Vec<Expr>),
-    /// `textureLoad(texture, at, 0)`: vec4; `at` is vec3 of i32.
+    /// `textureLoad(texture, at, 0)`: vec4; `at` is vec3 of i32, vec2 for a 2D texture.
     TextureLoad(u32, Box<Expr>),
     /// `buffer[index]`; the index is u32.
     Load(u32, Box<Expr>),

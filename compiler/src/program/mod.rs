@@ -9,11 +9,12 @@ mod verify_kernel;
 
 pub use ledger::{Ledger, Omission};
 pub use plan::{
-    Binding, Extent, Fault, FillPass, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, UniformField,
-    UniformLayout, UniformSource, texture_prim,
+    Binding, Blend, Extent, Fault, FillPass, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, Target,
+    UniformField, UniformLayout, UniformSource, texture_prim,
 };
 pub use print::{print_graphviz, print_ir, print_ledger, print_plan, print_scene};
-pub use reach::{reached, used_resources};
+pub(crate) use reach::expressions;
+pub use reach::{reached, used_resources, used_structs};
 pub(crate) use verify_kernel::breaks;
 pub use verify_kernel::{MAX_BLOCK_DEPTH, MAX_EXPRESSION_DEPTH, verify};
 

@@ -138,6 +138,18 @@ pub enum FrameValue {
     Rounds,
     /// f32: how many pixels of the picture one unit of u spans (height/2)
     PixelScale,
+    /// u32: which of the plan's `repeats` this is
+    Repeat,
+    /// f32: distance of the first slab's near plane from the anchor, along forward
+    SlabStart,
+    /// f32: thickness of a slab
+    SlabStep,
+    /// u32: how many slabs there are
+    SlabCount,
+    /// vec3: lower corner of the box around the bounded media
+    BoundsLow,
+    /// vec3: its upper corner
+    BoundsHigh,
 }
 
 /// One field of the uniform block. Layout is WGSL's: offsets in bytes.
@@ -203,6 +215,37 @@ pub enum Binding {
     Rays,
     /// Records, one per ray: array of f32.
     Records,
+    /// What the passes of a tile tell those after them: array of f32, `Plan::notes` per invocation. Written to.
+    Notes,
+    /// The same, only read.
+    NotesRead,
+    /// Outlines of slabs: array of f32, three per vertex of a list of triangles: x and y in pixels of the picture, and the number
+    /// of the slab. The farthest slab comes first.
+    Outlines,
+    /// A target of [`Plan::targets`], by its number: what was drawn into it.
+    Target(u32),
+}
+
+/// How a fragment comes together with what its target holds.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Blend {
+    /// source + destination · α of the source: light, over what lies behind it. α is a transmittance.
+    Over,
+    /// source + destination
+    Add,
+    /// The larger.
+    Max,
+}
+
+/// A picture of f32 that fragments are blended into; it begins as 0.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// Its name in the shader.
+    pub name: String,
+    /// 1, 2 or 4.
+    pub channels: u8,
+    /// How.
+    pub blend: Blend,
 }
 
 /// How many invocations a pass has.
@@ -214,13 +257,34 @@ pub enum Extent {
     Rays,
 }
 
-/// One dispatch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pass {
-    /// Which of the program's kernels.
-    pub kernel: u32,
-    /// Over what.
-    pub extent: Extent,
+/// One dispatch or draw. Kernels are named by their number in the program.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Pass {
+    /// A dispatch.
+    Compute {
+        /// What runs.
+        kernel: u32,
+        /// Over what.
+        extent: Extent,
+    },
+    /// The triangles of [`Binding::Outlines`], in order, into all targets, which are cleared before.
+    Raster {
+        /// Of the corners.
+        vertex: u32,
+        /// Of the pixels.
+        fragment: u32,
+    },
+}
+
+impl Pass {
+    /// The kernels that it runs.
+    pub fn kernels(&self) -> impl Iterator<Item = u32> + use<> {
+        let (first, second) = match *self {
+            Self::Compute { kernel, .. } => (kernel, None),
+            Self::Raster { vertex, fragment } => (vertex, Some(fragment)),
+        };
+        [Some(first), second].into_iter().flatten()
+    }
 }
 
 /// A pass that fills [`Binding::Cache`] before anything is drawn. Node `TileOrigin.x + i` is invocation `i` of `RayCount`.
@@ -245,6 +309,25 @@ pub enum StepRule {
     Adaptive(f64),
     /// Random paths: this many of each pixel or ray, or as many as `accuracy` needs.
     Paths(Option<u32>),
+    /// This many slabs across the media, or as many as it takes until twice as many change nothing by more than `accuracy`
+    /// allows; the midpoint rule in each.
+    Slabs {
+        /// How many; `None` is as many as it takes.
+        count: Option<u32>,
+        /// What shadows within a slab are stepped to.
+        accuracy: f64,
+    },
+}
+
+impl StepRule {
+    /// The accuracy that local error control works to, if some part of a drawing has that.
+    #[must_use]
+    pub fn accuracy(self) -> Option<f64> {
+        match self {
+            Self::Adaptive(accuracy) | Self::Slabs { accuracy, .. } => Some(accuracy),
+            Self::Closed | Self::Fixed(_) | Self::Paths(_) => None,
+        }
+    }
 }
 
 /// Everything the runtime must know to draw.
@@ -264,6 +347,12 @@ pub struct Plan {
     pub uniforms: UniformLayout,
     /// In order.
     pub passes: Vec<Pass>,
+    /// What is drawn into.
+    pub targets: Vec<Target>,
+    /// f32 of [`Binding::Notes`] per invocation.
+    pub notes: u32,
+    /// How often all passes run over a tile, each time with another ray through each pixel. Records add up.
+    pub repeats: u32,
     /// How steps are chosen.
     pub steps: StepRule,
     /// What is worked out once for each picture.

@@ -1,6 +1,6 @@
 //! Programs as text: `vol emit --target ir|graph|plan` and the omission ledger.
 
-use super::{Binding, Extent, Ledger, Plan, Program, RaySource, StepRule, UniformSource};
+use super::{Binding, Blend, Extent, Ledger, Pass, Plan, Program, RaySource, StepRule, UniformSource};
 use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op, print};
 use crate::source::Sources;
 use std::fmt::Write as _;
@@ -122,6 +122,12 @@ pub fn print_plan(program: &Program) -> String {
         StepRule::Fixed(n) => writeln!(out, "steps {n}, midpoint rule with the exact exponential inside a step"),
         StepRule::Paths(None) => writeln!(out, "paths until the standard error is within the accuracy"),
         StepRule::Paths(Some(n)) => writeln!(out, "paths {n}"),
+        StepRule::Slabs { count: None, .. } => {
+            writeln!(out, "slabs until twice as many change nothing by more than the accuracy")
+        }
+        StepRule::Slabs { count: Some(n), .. } => {
+            writeln!(out, "slabs {n}, midpoint rule with the exact exponential in each")
+        }
         StepRule::Adaptive(a) => writeln!(out, "steps by local error control to accuracy {a:e}"),
     };
     let _ = writeln!(out, "bands {}", bands(scene));
@@ -150,6 +156,10 @@ pub fn print_plan(program: &Program) -> String {
             Binding::Cache => format!("cache of {} depths towards lights", plan.fill.map_or(0, |f| f.floats)),
             Binding::Rays => "buffer of rays, 8 f32 each".into(),
             Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
+            Binding::Notes => format!("buffer of notes, {} f32 each", plan.notes),
+            Binding::NotesRead => "the same, only read".into(),
+            Binding::Outlines => "buffer of outlines, 3 f32 a vertex".into(),
+            Binding::Target(i) => format!("target {}", plan.targets[*i as usize].name),
         };
         let _ = writeln!(out, "    {i} {what}");
     }
@@ -169,11 +179,30 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
     }
     for pass in &plan.passes {
-        let over = match pass.extent {
-            Extent::Tile => "pixels of a tile",
-            Extent::Rays => "rays of the list",
+        let name = |kernel: &u32| &program.kernels[*kernel as usize].name;
+        let _ = match pass {
+            Pass::Compute { kernel, extent } => {
+                let over = match extent {
+                    Extent::Tile => "pixels of a tile",
+                    Extent::Rays => "rays of the list",
+                };
+                writeln!(out, "    {} over {over}", name(kernel))
+            }
+            Pass::Raster { vertex, fragment } => {
+                writeln!(out, "    {} and {} draw the outlines of slabs, farthest first", name(vertex), name(fragment))
+            }
         };
-        let _ = writeln!(out, "    {} over {over}", program.kernels[pass.kernel as usize].name);
+    }
+    if plan.repeats > 1 {
+        let _ = writeln!(out, "    {} times, with another ray through each pixel", plan.repeats);
+    }
+    for target in &plan.targets {
+        let blend = match target.blend {
+            Blend::Over => "over what is behind it",
+            Blend::Add => "added",
+            Blend::Max => "the larger",
+        };
+        let _ = writeln!(out, "target {}: {} × f32, {blend}", target.name, target.channels);
     }
     out
 }

@@ -1,9 +1,9 @@
 //! What of a kernel its entry point reaches: kernels that are written together share a list of functions and resources.
 
-use super::kernel::{Expr, FunctionId, Kernel, ResourceKind, Stmt};
+use super::kernel::{Expr, FunctionId, Kernel, ResourceKind, Stmt, Ty};
 
 /// Calls a function with every expression of some statements, inner ones too.
-fn expressions(block: &[Stmt], visit: &mut dyn FnMut(&Expr)) {
+pub(crate) fn expressions(block: &[Stmt], visit: &mut dyn FnMut(&Expr)) {
     for statement in block {
         match statement {
             Stmt::Let(_, value) | Stmt::Var(_, value) | Stmt::Assign(_, value) | Stmt::Return(Some(value)) => {
@@ -34,7 +34,9 @@ fn expression(value: &Expr, visit: &mut dyn FnMut(&Expr)) {
         | Expr::Local(_)
         | Expr::Argument(_)
         | Expr::Uniform(_)
-        | Expr::GlobalId => {}
+        | Expr::GlobalId
+        | Expr::VertexIndex
+        | Expr::InstanceIndex => {}
         Expr::Unary(_, a)
         | Expr::Splat(a, _)
         | Expr::Component(a, _)
@@ -105,6 +107,35 @@ pub fn used_resources(kernel: &Kernel) -> Vec<bool> {
                 }
             }
             _ => {}
+        });
+    }
+    used
+}
+
+/// Which structs of a kernel its resources and the functions that are reached name.
+#[must_use]
+pub fn used_structs(kernel: &Kernel) -> Vec<bool> {
+    let mut used = vec![false; kernel.structs.len()];
+    let mut mark = |ty: Ty| {
+        if let Ty::Struct(i) = ty {
+            used[i as usize] = true;
+        }
+    };
+    for (resource, _) in kernel.resources.iter().zip(used_resources(kernel)).filter(|(_, used)| *used) {
+        match resource.kind {
+            ResourceKind::Uniform(i) => mark(Ty::Struct(i)),
+            ResourceKind::ReadBuffer(ty) | ResourceKind::WriteBuffer(ty) => mark(ty),
+            ResourceKind::Texture3d(_) | ResourceKind::Texture2d => {}
+        }
+    }
+    let functions = kernel.functions.iter().zip(reached(kernel)).filter(|(_, r)| *r).map(|(f, _)| f);
+    for function in functions.chain([&kernel.entry]) {
+        function.parameters.iter().map(|p| p.1).chain(function.result).for_each(&mut mark);
+        function.locals.iter().for_each(|l| mark(l.ty));
+        expressions(&function.body, &mut |e| {
+            if let Expr::Compose(ty, _) = e {
+                mark(*ty);
+            }
         });
     }
     used

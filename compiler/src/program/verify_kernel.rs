@@ -3,7 +3,9 @@
 //! `emit` runs it on every kernel: it names the function and the statement in the terms of the backend,
 //! where naga would name a handle.
 
-use super::kernel::{BinaryOp, Expr, Function, Kernel, LocalId, Math, Prim, ResourceKind, Stmt, Ty, UnaryOp};
+use super::kernel::{
+    BinaryOp, Carries, Expr, Function, Kernel, LocalId, Math, Prim, ResourceKind, Stage, Stmt, Ty, UnaryOp,
+};
 
 /// Expressions nested deeper than this are refused: walkers of kernels are recursive, and so are their readers.
 /// `emit` names intermediate values by itself long before, so that this is no limit on the text.
@@ -18,7 +20,7 @@ pub const MAX_BLOCK_DEPTH: u32 = 100;
 /// The first thing found wrong, with the function and the local or statement it lies in. It is always a mistake of the
 /// backend that made the kernel, never of the scene.
 pub fn verify(kernel: &Kernel) -> Result<(), String> {
-    let [x, y, z] = kernel.workgroup;
+    let [x, y, z] = kernel.workgroup();
     if [x, y, z].contains(&0) || u64::from(x) * u64::from(y) * u64::from(z) > 256 {
         return Err(format!("workgroup size {x}×{y}×{z} is not between 1 and 256 invocations"));
     }
@@ -32,6 +34,17 @@ pub fn verify(kernel: &Kernel) -> Result<(), String> {
             }
             check_type(kernel, *ty).map_err(|e| format!("field `{name}` of struct `{}`: {e}", s.name))?;
         }
+        let vec4 = |ty: &Ty| *ty == Ty::float(4);
+        let fits = match s.carries {
+            None => true,
+            Some(Carries::Varyings) => {
+                vec4(&s.fields[0].1) && s.fields.iter().all(|f| !matches!(f.1, Ty::Value(Prim::Bool, _)))
+            }
+            Some(Carries::Colors) => s.fields.iter().all(|f| vec4(&f.1)),
+        };
+        if !fits {
+            return Err(format!("struct `{}` cannot pass through the rasteriser", s.name));
+        }
     }
     let mut uniforms = 0;
     for r in &kernel.resources {
@@ -43,7 +56,7 @@ pub fn verify(kernel: &Kernel) -> Result<(), String> {
             }
             ResourceKind::ReadBuffer(ty) | ResourceKind::WriteBuffer(ty) => shared(ty)?,
             ResourceKind::Texture3d(Prim::Bool) => return Err(format!("texture `{}` of bool", r.name)),
-            ResourceKind::Texture3d(Prim::F32 | Prim::I32 | Prim::U32) => {}
+            ResourceKind::Texture3d(Prim::F32 | Prim::I32 | Prim::U32) | ResourceKind::Texture2d => {}
         }
     }
     if uniforms > 1 {
@@ -56,8 +69,18 @@ pub fn verify(kernel: &Kernel) -> Result<(), String> {
         Checker::new(kernel, f, i, false).run()?;
     }
     let entry = &kernel.entry;
-    if !entry.parameters.is_empty() || entry.result.is_some() {
-        return Err("the entry point has parameters or a result".into());
+    let carries = |ty: Ty| match ty {
+        Ty::Struct(i) => kernel.structs.get(i as usize).and_then(|s| s.carries),
+        Ty::Value(..) => None,
+    };
+    let parameters: Vec<_> = entry.parameters.iter().map(|p| carries(p.1)).collect();
+    let (takes, gives): (&[_], _) = match kernel.stage {
+        Stage::Compute(_) => (&[], None),
+        Stage::Vertex => (&[], Some(Some(Carries::Varyings))),
+        Stage::Fragment => (&[Some(Carries::Varyings)], Some(Some(Carries::Colors))),
+    };
+    if parameters != takes || entry.result.map(carries) != gives {
+        return Err("the entry point has parameters or a result that its stage does not have".into());
     }
     Checker::new(kernel, entry, kernel.functions.len(), true).run()
 }
@@ -252,13 +275,18 @@ impl<'a> Checker<'a> {
             Expr::Uniform(i) => {
                 let uniform = self.kernel.resources.iter().find_map(|r| match r.kind {
                     ResourceKind::Uniform(s) => Some(s),
-                    ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) | ResourceKind::Texture3d(_) => None,
+                    ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => None,
+                    ResourceKind::Texture3d(_) | ResourceKind::Texture2d => None,
                 });
                 let fields = uniform.map_or(&[][..], |s| &self.kernel.structs[s as usize].fields);
                 fields.get(*i as usize).map(|f| f.1).ok_or_else(|| format!("there is no uniform field {i}"))
             }
-            Expr::GlobalId if self.entry => Ok(Ty::Value(Prim::U32, 3)),
-            Expr::GlobalId => Err("the global id is known to the entry point only".into()),
+            Expr::GlobalId | Expr::VertexIndex | Expr::InstanceIndex => match (e, self.kernel.stage) {
+                _ if !self.entry => Err("an index of the invocation is known to the entry point only".into()),
+                (Expr::GlobalId, Stage::Compute(_)) => Ok(Ty::Value(Prim::U32, 3)),
+                (Expr::VertexIndex | Expr::InstanceIndex, Stage::Vertex) => Ok(Ty::U32),
+                _ => Err("an index of the invocation that its stage does not have".into()),
+            },
             Expr::Unary(op, a) => match (op, of(a)?) {
                 (UnaryOp::Neg, ty @ Ty::Value(Prim::F32 | Prim::I32, _))
                 | (UnaryOp::Not, ty @ Ty::Value(Prim::Bool, _)) => Ok(ty),
@@ -336,9 +364,12 @@ impl<'a> Checker<'a> {
                 callee.result.ok_or_else(|| format!("calls `{}`, which has no result", callee.name))
             }
             Expr::TextureLoad(texture, at) => {
-                same(Ty::Value(Prim::I32, 3), of(at)?, "a texel's place should be", self.kernel)?;
-                match self.kernel.resources.get(*texture as usize).map(|r| r.kind) {
+                let kind = self.kernel.resources.get(*texture as usize).map(|r| r.kind);
+                let axes = if kind == Some(ResourceKind::Texture2d) { 2 } else { 3 };
+                same(Ty::Value(Prim::I32, axes), of(at)?, "a texel's place should be", self.kernel)?;
+                match kind {
                     Some(ResourceKind::Texture3d(prim)) => Ok(Ty::Value(prim, 4)),
+                    Some(ResourceKind::Texture2d) => Ok(Ty::float(4)),
                     _ => Err(format!("loads a texel of resource {texture}, which is not a texture")),
                 }
             }
@@ -466,8 +497,12 @@ mod tests {
         };
         Kernel {
             name: "k".into(),
-            workgroup: [64, 1, 1],
-            structs: vec![Struct { name: "Frame".into(), fields: vec![("a".into(), Ty::F32), ("b".into(), Ty::VEC3)] }],
+            stage: Stage::Compute([64, 1, 1]),
+            structs: vec![Struct {
+                name: "Frame".into(),
+                fields: vec![("a".into(), Ty::F32), ("b".into(), Ty::VEC3)],
+                carries: None,
+            }],
             resources: vec![
                 Resource { name: "frame".into(), kind: ResourceKind::Uniform(0) },
                 Resource { name: "out".into(), kind: ResourceKind::WriteBuffer(Ty::F32) },
@@ -588,7 +623,7 @@ mod tests {
         refused(&k, "has no result");
         let whole = || with_body(vec![], vec![]);
         let mut k = whole();
-        k.workgroup = [64, 64, 1];
+        k.stage = Stage::Compute([64, 64, 1]);
         refused(&k, "workgroup size");
         let mut k = whole();
         k.structs[0].fields.clear();

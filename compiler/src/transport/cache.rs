@@ -16,10 +16,10 @@ use crate::program::{FillPass, FrameValue, StepRule};
 
 /// Nodes along each edge for suns and lamps, by the accuracy; odd, so that every other one makes a lattice too.
 fn fine_nodes(rule: StepRule) -> u32 {
-    match rule {
-        StepRule::Adaptive(a) if a < 5e-3 => 129,
-        StepRule::Adaptive(a) if a < 2e-2 => 97,
-        StepRule::Adaptive(_) | StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => 65,
+    match rule.accuracy() {
+        Some(a) if a < 5e-3 => 129,
+        Some(a) if a < 2e-2 => 97,
+        Some(_) | None => 65,
     }
 }
 

@@ -4,8 +4,8 @@ use super::shapes::{FAR, Ray};
 use super::trace::{Medium, State, Tracer, widen};
 use crate::fields::{Code, Helper};
 use crate::ir::NodeId;
+use crate::program::FrameValue;
 use crate::program::kernel::{Expr, Ty};
-use crate::program::{FrameValue, StepRule};
 
 /// Share of `accuracy` that the light beyond the last step of an endless ray may make up, if it were as bright as white.
 const BEYOND: f64 = 1e-3;
@@ -170,9 +170,9 @@ impl Tracer<'_> {
     /// At most twice too far.
     pub(super) fn last_step(&mut self, code: &mut Code, ray: &Ray, media: &[&Medium<'_>], a: &Expr) -> Expr {
         let dw = self.scene.depth_width;
-        let share = match self.rule {
-            StepRule::Adaptive(_) => self.builder.frame(FrameValue::Accuracy) * BEYOND,
-            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => Expr::F32(BEYOND_FIXED),
+        let share = match self.rule.accuracy() {
+            Some(_) => self.builder.frame(FrameValue::Accuracy) * BEYOND,
+            None => Expr::F32(BEYOND_FIXED),
         };
         let share = code.bind("share", Ty::F32, share);
         // Bisection over exponents of two from 2⁻³² to 2⁹⁶ units.

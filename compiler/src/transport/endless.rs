@@ -3,7 +3,8 @@
 use super::matter::Scene;
 use super::shapes::Region;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Composite, FieldScene, Scattering};
+use crate::ir::{Composite, FieldScene, Primitive, Scattering};
+use crate::source::Span;
 
 impl Scene {
     /// A ray that never leaves a medium needs a closed form to infinity.
@@ -38,6 +39,17 @@ impl Scene {
                 );
             }
         }
+    }
+
+    /// Every closed form or signed distance that some medium is bounded by.
+    pub(crate) fn primitives(&self) -> &[Primitive] {
+        &self.primitives
+    }
+
+    /// The media that no box holds.
+    pub(crate) fn endless(&self) -> impl Iterator<Item = (&str, Option<Span>)> {
+        let endless = self.matter.iter().filter(|m| m.region.is_unbounded(&self.primitives));
+        endless.map(|m| (m.name.as_str(), m.span))
     }
 
     /// Whether light is followed over more than one scattering: only where there is something to scatter it and light to scatter.

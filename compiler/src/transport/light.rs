@@ -101,12 +101,8 @@ struct Gathered {
 impl Tracer<'_> {
     /// Number of samples of an environment or of a disc.
     fn count(&self, per_accuracy: f64, least: u32, most: u32) -> u32 {
-        match self.rule {
-            StepRule::Adaptive(a) => ((per_accuracy / a).ceil() as u32).clamp(least, most),
-            StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => {
-                ((100.0 * per_accuracy).ceil() as u32).clamp(least, most)
-            }
-        }
+        let wanted = per_accuracy / self.rule.accuracy().unwrap_or(1e-2);
+        (wanted.ceil() as u32).clamp(least, most)
     }
 
     pub(super) fn fract(code: &mut Code, x: Expr) -> Expr {
@@ -554,7 +550,7 @@ impl Tracer<'_> {
         let p = code.parameter("p", Ty::VEC3);
         let direction = code.parameter("direction", Ty::VEC3);
         let mut gathered = self.declare_sums(&mut code, functions.len());
-        if self.nearest.is_some() && !self.scene.lights.is_empty() && matches!(self.rule, StepRule::Adaptive(_)) {
+        if self.nearest.is_some() && !self.scene.lights.is_empty() && self.rule.accuracy().is_some() {
             gathered.visible = Some(code.var("visible", Ty::F32, 0.0));
         }
         let means = self.scene.phases.iter().map(|f| f.mean_cosine);

@@ -20,7 +20,11 @@ impl Tracer<'_> {
         let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
-            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
+            StepRule::Slabs { .. } if matches!(self.walk, Walk::Eye) => {
+                let middle = (segment.a.clone() + segment.b.clone()) * 0.5;
+                self.midpoint(code, state, media, &segment.ray, middle, &length);
+            }
+            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => {
                 self.march_adaptive(code, state, media, segment, &length, &reach);
             }
         }
@@ -44,24 +48,36 @@ impl Tracer<'_> {
         code.open();
         code.break_if(Expr::Local(i).greater_equal(count));
         let t = a.clone() + (Expr::Local(i) + 0.5) * h.clone();
-        let sampled = self.sample(code, ray, state, media, t, "mid");
-        let (x, light) = self.step(code, &sampled, &h, "");
-        if let (Some(radiance), Some(light)) = (state.radiance, light) {
-            let light = self.weighted(state, light, self.scene.light_width);
-            code.add(radiance, light);
-        }
-        if let (Some(depth), Some(x)) = (state.depth, x) {
-            code.add(depth, x);
-        }
+        self.midpoint(code, state, media, ray, t, &h);
         code.add(i, 1.0);
-        if let Some(work) = state.work {
-            code.add(work, 1u32);
-        }
         if let (Some(depth), false) = (state.depth, self.wants(OutputKind::OpticalDepth)) {
             code.break_if(least(depth.into(), self.scene.depth_width).greater(OPAQUE));
         }
         let block = code.close();
         code.push_loop(block);
+    }
+
+    /// A step of length h about the point at t, with the coefficients that are found there.
+    fn midpoint(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], ray: &Ray, t: Expr, h: &Expr) {
+        let sampled = self.sample(code, ray, state, media, t, "mid");
+        let (x, light) = self.step(code, &sampled, h, "");
+        if let (Some(radiance), Some(light)) = (state.radiance, light) {
+            let light = self.weighted(state, light, self.scene.light_width);
+            code.add(radiance, light);
+        }
+        if let (Some(error), Some(off)) = (state.error, sampled.source_error) {
+            let seen = match state.depth {
+                Some(depth) => (-least(depth.into(), self.scene.depth_width)).exp(),
+                None => Expr::F32(1.0),
+            };
+            code.add(error, seen * off * h.clone());
+        }
+        if let (Some(depth), Some(x)) = (state.depth, x) {
+            code.add(depth, x);
+        }
+        if let Some(work) = state.work {
+            code.add(work, 1u32);
+        }
     }
 
     /// The exact exponential over a step with constant coefficients: optical depth, and light in the width of radiance.

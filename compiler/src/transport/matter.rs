@@ -83,7 +83,7 @@ pub(crate) struct Scene {
     /// Whether the background shines on media and surfaces too.
     pub(super) environment: bool,
     pub(super) sheets: Vec<Sheet>,
-    pub(crate) primitives: Vec<Primitive>,
+    pub(super) primitives: Vec<Primitive>,
     pub(super) tiers: Vec<Tier>,
     pub(super) background: Option<NodeId>,
     /// Components of optical depths.

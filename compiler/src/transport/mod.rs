@@ -14,8 +14,10 @@ mod matter;
 mod paths;
 mod project;
 pub(crate) mod rays;
+pub(crate) mod records;
 mod sample;
 mod shapes;
+pub(crate) mod slab;
 mod sheets;
 mod trace;
 

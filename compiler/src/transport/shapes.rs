@@ -128,7 +128,8 @@ impl SpanFunctions {
         *self.sphere.get_or_insert_with(|| builder.add_function(sphere_function()))
     }
 
-    fn boxes(&mut self, builder: &mut KernelBuilder) -> FunctionId {
+    /// `through_box(o, d, low, high)`
+    pub(super) fn boxes(&mut self, builder: &mut KernelBuilder) -> FunctionId {
         let axis = self.axis(builder);
         *self.boxes.get_or_insert_with(|| builder.add_function(box_function(axis)))
     }

@@ -214,19 +214,7 @@ impl Tracer<'_> {
     /// Writes the function.
     pub(crate) fn write(mut self, ledger: &mut Ledger) -> Traced {
         let sdfs = self.sdfs();
-        self.nearest = self.write_nearest();
-        let mut fill = None;
-        if self.scene.is_lit() && self.caches() {
-            if let Some((cache, entry)) = self.write_cache(&sdfs) {
-                ledger.omit("steps towards lights at every sample", "columns of light are kept on a lattice", None);
-                fill = Some((cache.fill, entry));
-                self.cache = Some(cache);
-            }
-        } else if self.scene.is_lit() {
-            self.shadow = self.write_shadow(&sdfs);
-        }
-        self.in_scattered = self.write_in_scattered(ledger);
-        self.visible = self.write_visible();
+        let fill = self.write_light(&sdfs, ledger);
         let reflected = self.write_reflected();
         let mut code = Code::new("trace", None);
         let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
@@ -240,6 +228,29 @@ impl Tracer<'_> {
         self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start, end }, Some(ledger));
         let traced = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
         Traced { fill, ..traced }
+    }
+
+    /// Writes what lights need: surfaces in their way, the optical depth towards them, and what they send into the eye. Gives
+    /// what fills the cache of light, if there is one.
+    pub(super) fn write_light(
+        &mut self,
+        sdfs: &[Option<SdfFunctions>],
+        ledger: &mut Ledger,
+    ) -> Option<(crate::program::FillPass, crate::program::kernel::Function)> {
+        self.nearest = self.write_nearest();
+        let mut fill = None;
+        if self.scene.is_lit() && self.caches() {
+            if let Some((cache, entry)) = self.write_cache(sdfs) {
+                ledger.omit("steps towards lights at every sample", "columns of light are kept on a lattice", None);
+                fill = Some((cache.fill, entry));
+                self.cache = Some(cache);
+            }
+        } else if self.scene.is_lit() {
+            self.shadow = self.write_shadow(sdfs);
+        }
+        self.in_scattered = self.write_in_scattered(ledger);
+        self.visible = self.write_visible();
+        fill
     }
 
     /// Writes `shadow`, if something attenuates.
@@ -368,7 +379,7 @@ impl Tracer<'_> {
         }
     }
 
-    fn declare(&mut self, code: &mut Code, ledger: &mut Ledger) -> State {
+    pub(super) fn declare(&mut self, code: &mut Code, ledger: &mut Ledger) -> State {
         let scene = self.scene;
         let through = self.composite == Composite::Radiance;
         let depth = (through && scene.attenuates())
@@ -402,7 +413,7 @@ impl Tracer<'_> {
     }
 
     /// Whether a ray can take many rounds of loops.
-    fn has_loops(&self) -> bool {
+    pub(super) fn has_loops(&self) -> bool {
         self.wants(OutputKind::Fault) && (!matches!(self.rule, StepRule::Closed) || self.scene.is_lit())
     }
 
@@ -793,7 +804,7 @@ impl Tracer<'_> {
     }
 
     /// The struct that is returned.
-    fn finish(
+    pub(super) fn finish(
         mut self,
         mut code: Code,
         ray: &Ray,

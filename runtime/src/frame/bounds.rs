@@ -3,7 +3,7 @@
 use super::Vec3;
 use super::vector::{add, cross, dot, is_finite, length, scale, sub};
 use compiler::ir::eval::evaluate_frame;
-use compiler::ir::{Affine, FieldScene, NodeId, Primitive, PrimitiveKind, Shape};
+use compiler::ir::{FieldScene, NodeId, Primitive, PrimitiveKind, Shape};
 
 /// A ball that holds something.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -65,6 +65,22 @@ fn shape(s: &Shape, of: &Evaluate<'_>) -> Option<Ball> {
 }
 
 fn primitive(p: &Primitive, of: &Evaluate<'_>) -> Option<Ball> {
+    // A sphere is its own ball, not that of the cube around it.
+    if let (PrimitiveKind::Sphere { center, radius } | PrimitiveKind::Shell { center, outer: radius, .. }, None) =
+        (p.kind, p.from_world)
+    {
+        let v = of(&[center, radius]);
+        return Some(Ball { center: three(&v[0]), radius: v[1][0] });
+    }
+    let corners = corners(p, of)?;
+    let center = scale(corners.iter().copied().fold([0.0; 3], add), 0.125);
+    let radius = corners.iter().map(|c| length(sub(*c, center))).fold(0.0, f64::max);
+    (is_finite(center) && radius.is_finite()).then_some(Ball { center, radius })
+}
+
+/// Corners of a box around a primitive. Bits 0, 1 and 2 of a corner's number say on which side it is along the axes of the
+/// primitive's own space.
+fn corners(p: &Primitive, of: &Evaluate<'_>) -> Option<[Vec3; 8]> {
     // Middle and half the size of a box around it, in its own space.
     let (center, half) = match p.kind {
         PrimitiveKind::Sphere { center, radius } | PrimitiveKind::Shell { center, outer: radius, .. } => {
@@ -88,19 +104,9 @@ fn primitive(p: &Primitive, of: &Evaluate<'_>) -> Option<Ball> {
         }
         PrimitiveKind::Slab { .. } | PrimitiveKind::Sdf { .. } => return None,
     };
-    let world = match p.from_world {
-        None => Some(Ball { center, radius: length(half) }),
-        Some(affine) => placed(&affine, center, half, of),
-    };
-    // A sphere is its own ball, not that of the cube around it.
-    match (p.kind, p.from_world) {
-        (PrimitiveKind::Sphere { .. } | PrimitiveKind::Shell { .. }, None) => Some(Ball { center, radius: half[0] }),
-        _ => world,
-    }
-}
-
-/// A box of the primitive's own space, in the world.
-fn placed(affine: &Affine, center: Vec3, half: Vec3, of: &Evaluate<'_>) -> Option<Ball> {
+    let own =
+        |i: usize| std::array::from_fn(|k| if i >> k & 1 == 0 { center[k] - half[k] } else { center[k] + half[k] });
+    let Some(affine) = p.from_world else { return Some(std::array::from_fn(own)) };
     let [x, y, z] = affine.rows;
     let v = of(&[x, y, z, affine.offset]);
     let rows = [0, 1, 2].map(|i| three(&v[i]));
@@ -108,11 +114,31 @@ fn placed(affine: &Affine, center: Vec3, half: Vec3, of: &Evaluate<'_>) -> Optio
     let columns = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])];
     let determinant = dot(rows[0], columns[0]);
     let to_world = |p: Vec3| (0..3).fold([0.0; 3], |sum, i| add(sum, scale(columns[i], p[i] / determinant)));
-    let middle = to_world(sub(center, three(&v[3])));
-    let corner = |sx: f64, sy: f64| length(to_world([sx * half[0], sy * half[1], half[2]]));
-    let corners = [corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(-1.0, -1.0)];
-    let ball = Ball { center: middle, radius: corners.into_iter().fold(0.0, f64::max) };
-    (is_finite(middle) && ball.radius.is_finite()).then_some(ball)
+    Some(std::array::from_fn(|i| to_world(sub(own(i), three(&v[3])))))
+}
+
+/// Corners of boxes that hold the bounded media, as [`corners`] numbers them; of media without an end, none.
+#[must_use]
+pub(super) fn media_boxes(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Vec<[Vec3; 8]> {
+    let of = |nodes: &[NodeId]| evaluate_frame(&scene.graph, nodes, params, time);
+    let all = scene.media.iter().filter_map(|m| boxes(&m.shape, &of)).flatten();
+    all.filter(|corners| corners.iter().all(|c| is_finite(*c))).collect()
+}
+
+fn boxes(s: &Shape, of: &Evaluate<'_>) -> Option<Vec<[Vec3; 8]>> {
+    match s {
+        Shape::Everywhere => None,
+        Shape::Primitive(p) => Some(vec![corners(p, of)?]),
+        Shape::Union(parts) => {
+            let all: Option<Vec<_>> = parts.iter().map(|p| boxes(p, of)).collect();
+            Some(all?.into_iter().flatten().collect())
+        }
+        Shape::Intersection(parts) => {
+            let bounded = parts.iter().filter_map(|p| Some((shape(p, of)?.radius, boxes(p, of)?)));
+            bounded.min_by(|a, b| a.0.total_cmp(&b.0)).map(|b| b.1)
+        }
+        Shape::Difference(first, _) => boxes(first, of),
+    }
 }
 
 fn three(v: &[f64]) -> Vec3 {

@@ -39,6 +39,8 @@ pub struct Frame {
     pub bounds: Option<Ball>,
     /// Values of the grids, for majorants.
     pub grids: Vec<Range>,
+    /// For slicing.
+    pub slabs: super::Slabs,
 }
 
 impl Frame {

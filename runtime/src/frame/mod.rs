@@ -13,6 +13,7 @@ mod params;
 mod paths;
 mod samples;
 mod session;
+mod slabs;
 #[cfg(test)]
 mod tests;
 pub(crate) mod vector;
@@ -26,4 +27,5 @@ pub use measure::Measured;
 pub use params::Params;
 pub use samples::{sample_offsets, stratified_pixels};
 pub use session::{Cause, Drawing, EngineChoice, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};
+pub use slabs::Slabs;
 pub use vector::Vec3;

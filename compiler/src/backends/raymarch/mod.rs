@@ -4,8 +4,9 @@ use crate::Options;
 use crate::diagnostic::Diagnostics;
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{Aa, Composite, FieldScene};
-use crate::program::kernel::{BinaryOp, Expr, Kernel, LocalId, Ty};
-use crate::program::{Extent, FrameValue, Ledger, Output, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::program::kernel::{BinaryOp, Expr, Kernel, LocalId, Stage, Ty};
+use crate::program::{Extent, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::transport::records::{self, Pixel, pixel, store};
 use crate::transport::{Scene, Traced, Tracer, edges, output_name, rays};
 
 /// Kernel and plan of a scene.
@@ -32,29 +33,15 @@ pub(super) fn build(
     if seen.closed && scene.render.composite == Composite::Radiance {
         ledger.omit("loop over steps", "every coefficient has a closed form along a ray", None);
     }
-    let mut wanted = options.outputs.clone();
-    if !wanted.contains(&OutputKind::Fault) {
-        wanted.push(OutputKind::Fault);
-    }
-    wanted.sort_unstable();
-    wanted.dedup();
+    let wanted = records::wanted(&options.outputs);
     let aa = options.aa.unwrap_or(scene.image.aa);
-    let samples = samples(aa, options.rays, ledger);
-    let edged = !many && edged(aa, options.rays, &seen.primitives, ledger);
+    let samples = records::samples(aa, options.rays, ledger);
+    let edged = !many && records::divides(aa, options.rays, seen.primitives(), ledger);
     let mut builder = KernelBuilder::default();
     let tracer = Tracer::new(scene, &seen, &mut builder, rule, wanted);
     let mut traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
-    let mut outputs = vec![];
-    let mut stride = 0;
-    for (kind, width) in &traced.fields {
-        outputs.push(Output { kind: *kind, offset: stride, width: *width });
-        stride += u32::from(*width);
-    }
-    if edge_wanted {
-        outputs.push(Output { kind: OutputKind::Edge, offset: stride, width: 1 });
-        stride += 1;
-    }
+    let (outputs, stride) = records::layout(&traced.fields, edge_wanted);
     let (entry, workgroup, extent) = match options.rays {
         RaySource::Camera if many => {
             let entry = path_camera_entry(scene, &mut builder, &traced, stride, aa != Aa::None);
@@ -62,7 +49,7 @@ pub(super) fn build(
         }
         RaySource::List if many => (path_list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
         RaySource::Camera if edged => {
-            let entry = edged_entry(scene, &mut builder, &seen.primitives, &traced, stride, edge_wanted);
+            let entry = edged_entry(scene, &mut builder, seen.primitives(), &traced, stride, edge_wanted);
             (entry, [8, 8, 1], Extent::Tile)
         }
         RaySource::Camera => (camera_entry(scene, &mut builder, &traced, stride, samples), [8, 8, 1], Extent::Tile),
@@ -72,9 +59,9 @@ pub(super) fn build(
         RaySource::Camera => "draw",
         RaySource::List => "probe",
     };
-    let mut entries = vec![(name, workgroup, entry)];
+    let mut entries = vec![(name, Stage::Compute(workgroup), entry)];
     let fill = traced.fill.take().map(|(fill, entry)| {
-        entries.push(("fill", [64, 1, 1], entry));
+        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
         fill
     });
     let (kernels, bindings, uniforms) = builder.finish(entries);
@@ -82,7 +69,7 @@ pub(super) fn build(
         StepRule::Closed => 1,
         StepRule::Fixed(n) => n,
         StepRule::Adaptive(_) => 512,
-        StepRule::Paths(_) => 256,
+        StepRule::Paths(_) | StepRule::Slabs { .. } => 256,
     };
     let plan = Plan {
         backend: "raymarch",
@@ -91,79 +78,16 @@ pub(super) fn build(
         stride,
         bindings,
         uniforms,
-        passes: vec![Pass { kernel: 0, extent }],
+        passes: vec![Pass::Compute { kernel: 0, extent }],
+        targets: vec![],
+        notes: 0,
+        repeats: 1,
         steps: rule,
         fill,
         samples,
         work_per_ray: work_per_ray * samples,
     };
     Some((kernels, plan))
-}
-
-fn samples(aa: Aa, rays: RaySource, ledger: &mut Ledger) -> u32 {
-    match (rays, aa) {
-        (RaySource::List, _) => 1,
-        (RaySource::Camera, Aa::Ssaa(n)) if n > 1 => n,
-        (RaySource::Camera, _) => {
-            ledger.omit("loop over samples of a pixel", "one ray per pixel is asked for", None);
-            1
-        }
-    }
-}
-
-/// Whether silhouettes are found and their pixels divided.
-fn edged(aa: Aa, rays: RaySource, primitives: &[crate::ir::Primitive], ledger: &mut Ledger) -> bool {
-    let analytic = match aa {
-        // Until they have code of their own, the other kinds are drawn with this one, and a warning says so.
-        Aa::Analytic | Aa::Msaa(_) | Aa::Fxaa | Aa::Smaa | Aa::Taa => rays == RaySource::Camera,
-        Aa::None | Aa::Ssaa(_) => false,
-    };
-    if !analytic {
-        ledger.omit("division of pixels at edges", "analytic anti-aliasing is not asked for", None);
-        return false;
-    }
-    if !primitives.iter().any(edges::has_edge) {
-        ledger.omit("division of pixels at edges", "no shape has a silhouette in closed form", None);
-        return false;
-    }
-    true
-}
-
-/// Stores a traced ray in its record.
-fn store(builder: &mut KernelBuilder, code: &mut Code, widths: &[u8], values: &[Expr], record: &Expr, stride: u32) {
-    let records = builder.records();
-    let base = code.bind("base", Ty::U32, record.clone() * stride);
-    let mut offset = 0u32;
-    for (width, value) in widths.iter().zip(values) {
-        for i in 0..*width {
-            let part = if *width == 1 { value.clone() } else { value.clone().component(i) };
-            code.store(records, base.clone() + offset, part);
-            offset += 1;
-        }
-    }
-}
-
-/// The pixel that an invocation draws.
-struct Pixel {
-    /// Of its upper left corner, in pixels of the picture.
-    x: Expr,
-    y: Expr,
-    record: Expr,
-}
-
-fn pixel(builder: &mut KernelBuilder, code: &mut Code) -> Pixel {
-    let tile = builder.frame(FrameValue::TileSize);
-    let column = code.bind("column", Ty::U32, Expr::GlobalId.component(0));
-    let row = code.bind("row", Ty::U32, Expr::GlobalId.component(1));
-    let outside = column.clone().greater_equal(tile.clone().component(0));
-    let outside = outside.or(row.clone().greater_equal(tile.clone().component(1)));
-    code.if_(outside, Code::return_nothing);
-    let origin = builder.frame(FrameValue::TileOrigin);
-    let prim = crate::program::kernel::Prim::F32;
-    let x = code.bind("x", Ty::F32, (origin.clone().component(0) + column.clone()).convert(prim));
-    let y = code.bind("y", Ty::F32, (origin.component(1) + row.clone()).convert(prim));
-    let record = code.bind("record", Ty::U32, row * tile.component(0) + column);
-    Pixel { x, y, record }
 }
 
 /// Sums over the rays of a pixel; of what went wrong, the first.
@@ -287,9 +211,7 @@ fn widths(traced: &Traced) -> Vec<u8> {
 
 fn list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
     let mut code = Code::new("probe", None);
-    let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
-    let count = builder.frame(FrameValue::RayCount);
-    code.if_(index.clone().greater_equal(count), Code::return_nothing);
+    let index = records::listed(builder, &mut code);
     let start = rays::list(builder, &mut code, &index);
     let result = builder.result_of(traced.function);
     let traced_ray = code.bind("traced", result, rays::call(traced.function, &start));
@@ -355,9 +277,7 @@ fn path_camera_entry(
 
 fn path_list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
     let mut code = Code::new("probe", None);
-    let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
-    let count = builder.frame(FrameValue::RayCount);
-    code.if_(index.clone().greater_equal(count), Code::return_nothing);
+    let index = records::listed(builder, &mut code);
     let values =
         path_loop(builder, &mut code, traced, index.clone(), &mut |builder, code, _| rays::list(builder, code, &index));
     store(builder, &mut code, &widths(traced), &values, &index, stride);

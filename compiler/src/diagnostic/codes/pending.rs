@@ -14,14 +14,9 @@ pub(super) const CODES: &[CodeInfo] = &[
         explanation: "`splats` are checked, but nothing of them is in the picture.",
     },
     CodeInfo {
-        code: "E0905",
-        title: "the backend `slicing` is not there yet",
-        explanation: "Only the ray marcher can draw so far. Write `backend = raymarch`, or `auto`, which picks what there is.",
-    },
-    CodeInfo {
         code: "E0906",
         title: "the backend `splatting` is not there yet",
-        explanation: "Only the ray marcher can draw so far. Write `backend = raymarch`, or `auto`, which picks what there is.",
+        explanation: "Write `backend = raymarch`, `slicing`, or `auto`, which picks what there is.",
     },
     CodeInfo {
         code: "W0907",

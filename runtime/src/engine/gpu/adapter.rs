@@ -2,12 +2,14 @@
 
 use super::errors::{GpuError, GpuErrorKind, Watch};
 use super::pipelines::CacheFile;
-use compiler::program::{Binding, Program};
+use compiler::program::{Binding, Pass, Program};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Most bytes of records (or rays) that one dispatch writes: bounds the memory of tiles, and fits every adapter.
 pub(super) const TILE_BYTES: u64 = 32 << 20;
+/// Pixels of the largest tile that is drawn into, on an axis: what every adapter takes.
+pub(super) const TARGET_SIDE: u32 = 8192;
 
 /// Which adapter is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -149,6 +151,8 @@ pub struct Needs {
     pub workgroup: [u32; 3],
     /// Most invocations of a workgroup.
     pub invocations: u32,
+    /// Targets to draw into, and bytes of a pixel of all of them.
+    pub targets: [u32; 2],
 }
 
 impl Needs {
@@ -185,15 +189,20 @@ impl Needs {
                     let floats = program.plan.fill.map_or(0, |f| u64::from(f.floats));
                     needs.storage_bytes = needs.storage_bytes.max(4 * floats);
                 }
-                Binding::Rays | Binding::Records => {
+                Binding::Target(_) => needs.textures += 1,
+                Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead | Binding::Outlines => {
                     needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(TILE_BYTES);
                 }
             }
         }
-        let kernels = program.plan.passes.iter().map(|p| p.kernel).chain(program.plan.fill.map(|f| f.kernel));
+        for target in &program.plan.targets {
+            needs.targets[0] += 1;
+            needs.targets[1] += u32::from(target.channels) * 4;
+        }
+        let kernels = program.plan.passes.iter().flat_map(Pass::kernels).chain(program.plan.fill.map(|f| f.kernel));
         for kernel in kernels {
-            let size = program.kernels[kernel as usize].workgroup;
+            let size = program.kernels[kernel as usize].workgroup();
             needs.invocations = needs.invocations.max(size.iter().product());
             needs.workgroup = std::array::from_fn(|i| needs.workgroup[i].max(size[i]));
         }
@@ -230,6 +239,13 @@ impl Needs {
             let message = format!("the parameters take {} bytes; this adapter takes {most}", self.uniform_bytes);
             return too_large(message);
         }
+        let [targets, target_bytes] = self.targets;
+        if targets > offered.max_color_attachments || target_bytes > offered.max_color_attachment_bytes_per_sample {
+            let message = format!(
+                "the scene is drawn into {targets} targets of {target_bytes} bytes a pixel; this adapter takes fewer"
+            );
+            return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("draw with `--backend raymarch`"));
+        }
         // The least that WebGPU knows, and on top of it what is used. Alignments must be the adapter's own or larger.
         let least = wgpu::Limits::downlevel_webgl2_defaults();
         let dispatched = !self.workgroup.contains(&0);
@@ -239,6 +255,9 @@ impl Needs {
             max_storage_buffers_per_shader_stage: self.storage_buffers,
             max_storage_buffer_binding_size: self.storage_bytes,
             max_buffer_size: self.storage_bytes.max(TILE_BYTES + 512).max(least.max_buffer_size.min(TILE_BYTES)),
+            max_texture_dimension_2d: if targets > 0 { TARGET_SIDE } else { least.max_texture_dimension_2d },
+            max_color_attachments: targets.max(least.max_color_attachments),
+            max_color_attachment_bytes_per_sample: target_bytes.max(least.max_color_attachment_bytes_per_sample),
             max_uniform_buffer_binding_size: self.uniform_bytes.max(least.max_uniform_buffer_binding_size),
             max_compute_workgroup_size_x: self.workgroup[0],
             max_compute_workgroup_size_y: self.workgroup[1],
@@ -295,7 +314,15 @@ impl Gpu {
     fn open(adapter: &wgpu::Adapter, needs: &Needs) -> Result<Self, GpuError> {
         let limits = needs.limits(&adapter.limits())?;
         let optional = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
-        let features = adapter.features() & optional;
+        let mut features = adapter.features() & optional;
+        if needs.targets[0] > 0 {
+            let blended = wgpu::Features::FLOAT32_BLENDABLE;
+            if !adapter.features().contains(blended) {
+                let message = format!("`{}` cannot blend 32-bit floating point", adapter.get_info().name);
+                return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("draw with `--backend raymarch`"));
+            }
+            features |= blended;
+        }
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("tyndall"),
             required_features: features,

@@ -1,6 +1,6 @@
 //! Drawing: a program made ready once, drawn as often as wanted.
 
-use super::adapter::{Gpu, TILE_BYTES};
+use super::adapter::{Gpu, TARGET_SIDE, TILE_BYTES};
 use super::errors::{GpuError, GpuErrorKind};
 use super::pipelines::Pipelines;
 use super::readback::{Flight, Slot};
@@ -10,7 +10,7 @@ use super::uniforms::{Block, Part};
 use crate::frame::Frame;
 use compiler::emit::Shader;
 use compiler::ir::eval::Tables;
-use compiler::program::{FillPass, Program, RaySource};
+use compiler::program::{Binding, FillPass, Pass, Program, RaySource};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -181,8 +181,8 @@ impl Prepared {
             let rays = count.min(fill.nodes - first);
             let part = Part { origin: [first, 0], size: [rays, 1], rays };
             let started = Instant::now();
-            let bytes = block.part(part);
-            self.slots[0].fill(&self.gpu, &self.program, &self.pipelines, (fill.kernel, rays), bytes)?;
+            let with = (&self.pipelines, &self.resources);
+            self.slots[0].fill(&self.gpu, &self.program, with, (fill.kernel, rays), block.part(part, 0))?;
             let seconds = started.elapsed().as_secs_f64().max(1e-6);
             first += rays;
             let ideal = f64::from(rays) * 0.1 / seconds;
@@ -200,11 +200,15 @@ impl Prepared {
     ) -> Result<Timing, GpuError> {
         self.gpu.watch.check()?;
         let mut block = self.evaluate(frame);
+        let drawn = self.program.plan.bindings.contains(&Binding::Outlines);
+        if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs.outlines) {
+            self.slots.clear();
+        }
         if let Some(fill) = self.program.plan.fill {
             self.fill(&mut block, fill)?;
         }
         let plan = &self.program.plan;
-        let record = u64::from(plan.stride.max(1)) * 4;
+        let record = u64::from(plan.stride.max(plan.notes).max(1)) * 4;
         let bytes = match source {
             Source::Camera => record,
             Source::List(_) => record.max(size_of::<PackedRay>() as u64),
@@ -212,9 +216,12 @@ impl Prepared {
         let total = u64::from(size[0]) * u64::from(size[1]);
         let work = plan.work_per_ray.max(1).saturating_mul(plan.samples.max(1));
         let mut pace = Pace::new(work, total, TILE_BYTES / bytes);
-        let group = plan.passes.iter().map(|p| self.program.kernels[p.kernel as usize].workgroup).next();
-        let group = group.unwrap_or([1; 3]);
+        let first = plan.passes.iter().flat_map(Pass::kernels).next();
+        let group = first.map_or([1; 3], |k| self.program.kernels[k as usize].workgroup());
         let mut walk = Walk::new(size, [group[0], group[1]]);
+        if !plan.targets.is_empty() {
+            walk = walk.within(TARGET_SIDE);
+        }
         let largest = pace.most().min(total);
         if !self.slots.iter().all(|s| s.holds(&self.program, largest)) {
             self.slots.clear();
@@ -230,16 +237,9 @@ impl Prepared {
                     let new = Slot::new(&self.gpu, &self.program, &self.pipelines, &self.resources, largest)?;
                     self.slots.push(new);
                 }
-                let bytes = block.part(part);
-                let job = (slot, part);
-                flights.push_back(self.slots[slot].submit(
-                    &self.gpu,
-                    &self.program,
-                    &self.pipelines,
-                    job,
-                    bytes,
-                    source,
-                )?);
+                let with = (&self.pipelines, &self.resources);
+                let flight = self.slots[slot].submit(&self.gpu, &self.program, with, (slot, part), &mut block, source);
+                flights.push_back(flight?);
                 free.pop();
                 dispatches += 1;
             }

@@ -3,8 +3,8 @@
 use super::adapter::Gpu;
 use super::errors::{GpuError, GpuErrorKind};
 use compiler::loader::Scalar;
-use compiler::program::kernel::Prim;
-use compiler::program::{Binding, Program, texture_prim};
+use compiler::program::kernel::{Prim, Stage};
+use compiler::program::{Binding, Blend, Pass, Program, Target, texture_prim};
 use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -44,67 +44,188 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
             view_dimension: wgpu::TextureViewDimension::D3,
             multisampled: false,
         },
-        Binding::Table(_) | Binding::Mesh(_) | Binding::Rays => storage(true),
-        Binding::Cache | Binding::Records => storage(false),
+        Binding::Table(_) | Binding::Mesh(_) | Binding::Rays | Binding::NotesRead | Binding::Outlines => storage(true),
+        Binding::Cache | Binding::Records | Binding::Notes => storage(false),
+        Binding::Target(_) => wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: false },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        },
     }
 }
 
-/// The compiled passes and the layout of group 0, which all of them share.
+/// A compiled pass, or the one that fills the cache.
+#[derive(Debug)]
+pub(super) struct Step {
+    pub(super) pipeline: Pipeline,
+    /// Of group 0: what this pass uses.
+    pub(super) layout: wgpu::BindGroupLayout,
+    /// By number of the binding.
+    pub(super) used: Vec<bool>,
+}
+
+#[derive(Debug)]
+pub(super) enum Pipeline {
+    Compute(wgpu::ComputePipeline),
+    Raster(wgpu::RenderPipeline),
+}
+
+/// The compiled passes of a plan.
 #[derive(Debug)]
 pub(super) struct Pipelines {
-    pub(super) layout: wgpu::BindGroupLayout,
-    /// One per kernel of the program.
-    pub(super) kernels: Vec<wgpu::ComputePipeline>,
+    /// As the plan's.
+    pub(super) passes: Vec<Step>,
+    pub(super) fill: Option<Step>,
+}
+
+/// The format of a target.
+pub(super) fn target_format(target: &Target) -> wgpu::TextureFormat {
+    match target.channels {
+        1 => wgpu::TextureFormat::R32Float,
+        2 => wgpu::TextureFormat::Rg32Float,
+        _ => wgpu::TextureFormat::Rgba32Float,
+    }
+}
+
+fn blend(blend: Blend) -> wgpu::BlendState {
+    use wgpu::BlendFactor::{One, SrcAlpha};
+    let (dst_factor, operation) = match blend {
+        Blend::Over => (SrcAlpha, wgpu::BlendOperation::Add),
+        Blend::Add => (One, wgpu::BlendOperation::Add),
+        Blend::Max => (One, wgpu::BlendOperation::Max),
+    };
+    let all = wgpu::BlendComponent { src_factor: One, dst_factor, operation };
+    wgpu::BlendState { color: all, alpha: all }
+}
+
+/// What compiles the passes of one program.
+struct Compiler<'a> {
+    gpu: &'a Gpu,
+    program: &'a Program,
+    modules: Vec<wgpu::ShaderModule>,
+    /// The bindings that each of them names.
+    bindings: Vec<Vec<u32>>,
+}
+
+impl Compiler<'_> {
+    /// What some kernels use together, and the layouts of it.
+    fn layout(&self, kernels: &[u32]) -> (Vec<bool>, wgpu::BindGroupLayout, wgpu::PipelineLayout) {
+        let kernel = |k: &u32| &self.program.kernels[*k as usize];
+        let bindings = &self.program.plan.bindings;
+        let names = |k: &&u32, i: usize| self.bindings[**k as usize].contains(&(i as u32));
+        let used: Vec<bool> = (0..bindings.len()).map(|i| kernels.iter().any(|k| names(&k, i))).collect();
+        let visible = |i: usize| {
+            kernels.iter().filter(|k| names(k, i)).fold(wgpu::ShaderStages::NONE, |all, k| {
+                all | match kernel(k).stage {
+                    Stage::Compute(_) => wgpu::ShaderStages::COMPUTE,
+                    Stage::Vertex => wgpu::ShaderStages::VERTEX,
+                    Stage::Fragment => wgpu::ShaderStages::FRAGMENT,
+                }
+            })
+        };
+        let entries: Vec<_> = (0..bindings.len())
+            .filter(|i| used[*i])
+            .map(|i| wgpu::BindGroupLayoutEntry {
+                binding: i as u32,
+                visibility: visible(i),
+                ty: binding_type(self.program, bindings[i]),
+                count: None,
+            })
+            .collect();
+        let label = Some("plan");
+        let device = &self.gpu.device;
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let pipeline = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        (used, layout, pipeline)
+    }
+
+    fn compute(&self, kernel: u32) -> Result<Step, GpuError> {
+        let (used, layout, pipeline_layout) = self.layout(&[kernel]);
+        self.gpu.created.fetch_add(1, Ordering::Relaxed);
+        let pipeline = self.gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(&self.program.kernels[kernel as usize].name),
+            layout: Some(&pipeline_layout),
+            module: &self.modules[kernel as usize],
+            // A module has one entry point; its name is emit's affair.
+            entry_point: None,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: self.gpu.cache.as_ref().map(|c| &c.cache),
+        });
+        self.gpu.watch.check()?;
+        Ok(Step { pipeline: Pipeline::Compute(pipeline), layout, used })
+    }
+
+    fn raster(&self, vertex: u32, fragment: u32) -> Result<Step, GpuError> {
+        let (used, layout, pipeline_layout) = self.layout(&[vertex, fragment]);
+        self.gpu.created.fetch_add(1, Ordering::Relaxed);
+        let targets = self.program.plan.targets.iter().map(|target| {
+            Some(wgpu::ColorTargetState {
+                format: target_format(target),
+                blend: Some(blend(target.blend)),
+                write_mask: wgpu::ColorWrites::ALL,
+            })
+        });
+        let targets: Vec<_> = targets.collect();
+        let pipeline = self.gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(&self.program.kernels[fragment as usize].name),
+            layout: Some(&pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &self.modules[vertex as usize],
+                entry_point: None,
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &self.modules[fragment as usize],
+                entry_point: None,
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: self.gpu.cache.as_ref().map(|c| &c.cache),
+        });
+        self.gpu.watch.check()?;
+        Ok(Step { pipeline: Pipeline::Raster(pipeline), layout, used })
+    }
 }
 
 impl Pipelines {
-    /// Compiles every kernel. `shaders[i]` is kernel `i`, validated already.
+    /// Compiles every pass. `shaders[i]` is kernel `i`, validated already.
     pub(super) fn new(gpu: &Gpu, program: &Program, shaders: Vec<naga::Module>) -> Result<Self, GpuError> {
         if shaders.len() != program.kernels.len() {
             let message = format!("{} shaders for {} kernels", shaders.len(), program.kernels.len());
             return Err(GpuError::new(GpuErrorKind::Validation, message));
         }
-        let entries: Vec<_> = (0..)
-            .zip(&program.plan.bindings)
-            .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty: binding_type(program, *b),
-                count: None,
-            })
-            .collect();
-        let layout = gpu
-            .device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("plan"), entries: &entries });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("plan"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        gpu.watch.check()?;
-        let mut kernels = vec![];
+        let named = |shader: &naga::Module| {
+            shader.global_variables.iter().filter_map(|(_, g)| Some(g.binding?.binding)).collect()
+        };
+        let bindings = shaders.iter().map(named).collect();
+        let mut modules = vec![];
         for (kernel, shader) in program.kernels.iter().zip(shaders) {
-            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            modules.push(gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(&kernel.name),
                 source: wgpu::ShaderSource::Naga(Cow::Owned(shader)),
-            });
-            gpu.watch.check()?;
-            gpu.created.fetch_add(1, Ordering::Relaxed);
-            kernels.push(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(&kernel.name),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                // A module has one entry point; its name is emit's affair.
-                entry_point: None,
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: gpu.cache.as_ref().map(|c| &c.cache),
             }));
             gpu.watch.check()?;
         }
+        let compiler = Compiler { gpu, program, modules, bindings };
+        let pass = |pass: &Pass| match *pass {
+            Pass::Compute { kernel, .. } => compiler.compute(kernel),
+            Pass::Raster { vertex, fragment } => compiler.raster(vertex, fragment),
+        };
+        let passes = program.plan.passes.iter().map(pass).collect::<Result<_, _>>()?;
+        let fill = program.plan.fill.map(|fill| compiler.compute(fill.kernel)).transpose()?;
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { layout, kernels })
+        Ok(Self { passes, fill })
     }
 }
 

@@ -3,10 +3,10 @@
 use super::adapter::Gpu;
 use super::draw::Source;
 use super::errors::GpuError;
-use super::pipelines::Pipelines;
+use super::pipelines::{Pipeline, Pipelines, Step, target_format};
 use super::resources::Resources;
-use super::uniforms::Part;
-use compiler::program::{Binding, Extent, Program};
+use super::uniforms::{Block, Part};
+use compiler::program::{Binding, Extent, Pass, Program};
 use std::sync::mpsc;
 use std::time::Instant;
 
@@ -24,7 +24,23 @@ pub(super) struct Slot {
     records: wgpu::Buffer,
     staging: wgpu::Buffer,
     stamps: Option<(wgpu::QuerySet, wgpu::Buffer)>,
-    group: wgpu::BindGroup,
+    notes: Option<wgpu::Buffer>,
+    targets: Targets,
+    groups: Groups,
+}
+
+/// What passes draw into, as large as the largest tile so far.
+#[derive(Debug, Default)]
+struct Targets {
+    size: [u32; 2],
+    views: Vec<wgpu::TextureView>,
+}
+
+/// One bind group for each pass, and for the one that fills.
+#[derive(Debug)]
+struct Groups {
+    passes: Vec<wgpu::BindGroup>,
+    fill: Option<wgpu::BindGroup>,
 }
 
 /// A dispatch that has been submitted.
@@ -59,6 +75,7 @@ impl Slot {
         use wgpu::BufferUsages as Usage;
         let plan = &program.plan;
         let capacity = invocations * u64::from(plan.stride.max(1)) * 4;
+        let noted = invocations * u64::from(plan.notes.max(1)) * 4;
         let uses = |binding: Binding| plan.bindings.contains(&binding);
         let uniforms = uses(Binding::Uniforms)
             .then(|| buffer(gpu, "uniforms", u64::from(plan.uniforms.size.max(16)), Usage::UNIFORM | Usage::COPY_DST));
@@ -73,29 +90,88 @@ impl Slot {
             });
             (set, buffer(gpu, "time", STAMPS, Usage::QUERY_RESOLVE | Usage::COPY_SRC))
         });
+        let notes = uses(Binding::NotesRead).then(|| buffer(gpu, "notes", noted, Usage::STORAGE));
         gpu.watch.check()?;
+        let mut slot = Self {
+            capacity,
+            uniforms,
+            rays,
+            records,
+            staging,
+            stamps,
+            notes,
+            targets: Targets::default(),
+            groups: Groups { passes: vec![], fill: None },
+        };
+        if plan.targets.is_empty() {
+            slot.groups = slot.bind(gpu, program, pipelines, resources);
+        }
+        gpu.watch.check()?;
+        Ok(slot)
+    }
+
+    /// Binds everything to every pass.
+    fn bind(&self, gpu: &Gpu, program: &Program, pipelines: &Pipelines, resources: &Resources) -> Groups {
         let (mut grids, mut tables) = (resources.grids.iter(), resources.tables.iter());
         let mut meshes = resources.meshes.iter();
-        let mut entries = vec![];
-        for (binding, b) in (0..).zip(&plan.bindings) {
-            let resource = match b {
-                Binding::Uniforms => uniforms.as_ref().map(wgpu::Buffer::as_entire_binding),
-                Binding::Rays => rays.as_ref().map(wgpu::Buffer::as_entire_binding),
-                Binding::Records => Some(records.as_entire_binding()),
+        fn whole(buffer: &Option<wgpu::Buffer>) -> Option<wgpu::BindingResource<'_>> {
+            buffer.as_ref().map(wgpu::Buffer::as_entire_binding)
+        }
+        let bindings = program.plan.bindings.iter();
+        let bound: Vec<Option<wgpu::BindingResource<'_>>> = bindings
+            .map(|b| match b {
+                Binding::Uniforms => whole(&self.uniforms),
+                Binding::Rays => whole(&self.rays),
+                Binding::Records => Some(self.records.as_entire_binding()),
+                Binding::Notes | Binding::NotesRead => whole(&self.notes),
                 Binding::Grid(_) => grids.next().map(wgpu::BindingResource::TextureView),
-                Binding::Cache => resources.cache.as_ref().map(wgpu::Buffer::as_entire_binding),
+                Binding::Cache => whole(&resources.cache),
                 Binding::Mesh(_) => meshes.next().map(wgpu::Buffer::as_entire_binding),
                 Binding::Table(_) => tables.next().map(|(_, b, _)| b.as_entire_binding()),
-            };
-            entries.extend(resource.map(|resource| wgpu::BindGroupEntry { binding, resource }));
+                Binding::Outlines => resources.outlines.as_ref().map(|o| o.0.as_entire_binding()),
+                Binding::Target(i) => self.targets.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
+            })
+            .collect();
+        let group = |step: &Step| {
+            let entries: Vec<_> = (0..)
+                .zip(bound.iter().zip(&step.used))
+                .filter(|(_, (_, used))| **used)
+                .filter_map(|(binding, (resource, _))| {
+                    Some(wgpu::BindGroupEntry { binding, resource: resource.clone()? })
+                })
+                .collect();
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("plan"),
+                layout: &step.layout,
+                entries: &entries,
+            })
+        };
+        Groups { passes: pipelines.passes.iter().map(group).collect(), fill: pipelines.fill.as_ref().map(group) }
+    }
+
+    /// Makes targets for a tile of this size, unless those there are hold it.
+    fn hold(&mut self, gpu: &Gpu, program: &Program, (pipelines, resources): (&Pipelines, &Resources), size: [u32; 2]) {
+        let plan = &program.plan;
+        let held = (0..2).all(|i| size[i] <= self.targets.size[i]);
+        if plan.targets.is_empty() || held {
+            return;
         }
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("plan"),
-            layout: &pipelines.layout,
-            entries: &entries,
-        });
-        gpu.watch.check()?;
-        Ok(Self { capacity, uniforms, rays, records, staging, stamps, group })
+        let size: [u32; 2] = std::array::from_fn(|i| size[i].max(self.targets.size[i]));
+        let view = |target: &compiler::program::Target| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(&target.name),
+                size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: target_format(target),
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        self.targets = Targets { size, views: plan.targets.iter().map(view).collect() };
+        self.groups = self.bind(gpu, program, pipelines, resources);
     }
 
     /// Whether it is large enough.
@@ -105,22 +181,25 @@ impl Slot {
 
     /// Runs a part of the pass that fills the cache, and waits for it.
     pub(super) fn fill(
-        &self,
+        &mut self,
         gpu: &Gpu,
         program: &Program,
-        pipelines: &Pipelines,
+        (pipelines, resources): (&Pipelines, &Resources),
         (kernel, nodes): (u32, u32),
         block: &[u8],
     ) -> Result<(), GpuError> {
+        self.hold(gpu, program, (pipelines, resources), [1, 1]);
         if let Some(uniforms) = &self.uniforms {
             gpu.queue.write_buffer(uniforms, 0, block);
         }
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("fill") });
+        if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group)) =
+            (&pipelines.fill, &self.groups.fill)
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_bind_group(0, &self.group, &[]);
-            pass.set_pipeline(&pipelines.kernels[kernel as usize]);
-            let group = program.kernels[kernel as usize].workgroup[0].max(1);
+            pass.set_bind_group(0, group, &[]);
+            pass.set_pipeline(pipeline);
+            let group = program.kernels[kernel as usize].workgroup()[0].max(1);
             pass.dispatch_workgroups(nodes.div_ceil(group), 1, 1);
         }
         let index = gpu.queue.submit([encoder.finish()]);
@@ -128,19 +207,17 @@ impl Slot {
         gpu.watch.check()
     }
 
-    /// Sends one dispatch on its way.
+    /// Sends one tile on its way: all passes, as often as the plan says. `block` gives the uniforms of each time.
     pub(super) fn submit(
-        &self,
+        &mut self,
         gpu: &Gpu,
         program: &Program,
-        pipelines: &Pipelines,
+        (pipelines, resources): (&Pipelines, &Resources),
         (slot, part): (usize, Part),
-        block: &[u8],
+        block: &mut Block,
         source: Source<'_>,
     ) -> Result<Flight, GpuError> {
-        if let Some(uniforms) = &self.uniforms {
-            gpu.queue.write_buffer(uniforms, 0, block);
-        }
+        let plan = &program.plan;
         let invocations = match (source, &self.rays) {
             (Source::Camera, _) => part.size[0] as usize * part.size[1] as usize,
             (Source::List(rays), buffer) => {
@@ -152,44 +229,110 @@ impl Slot {
                 rays.len()
             }
         };
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("tile") });
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("tile"),
-                timestamp_writes: self.stamps.as_ref().map(|(query_set, _)| wgpu::ComputePassTimestampWrites {
-                    query_set,
-                    beginning_of_pass_write_index: Some(0),
-                    end_of_pass_write_index: Some(1),
-                }),
-            });
-            pass.set_bind_group(0, &self.group, &[]);
-            for step in &program.plan.passes {
-                let [gx, gy, _] = program.kernels[step.kernel as usize].workgroup.map(|g| g.max(1));
-                let groups = match step.extent {
-                    Extent::Tile => [part.size[0].div_ceil(gx), part.size[1].div_ceil(gy)],
-                    Extent::Rays => [part.rays.div_ceil(gx), 1],
-                };
-                pass.set_pipeline(&pipelines.kernels[step.kernel as usize]);
-                pass.dispatch_workgroups(groups[0], groups[1], 1);
-            }
-        }
-        let floats = invocations * program.plan.stride as usize;
-        let bytes = floats as u64 * 4;
-        encoder.copy_buffer_to_buffer(&self.records, 0, &self.staging, 0, bytes);
-        if let Some((set, resolved)) = &self.stamps {
-            encoder.resolve_query_set(set, 0..2, resolved, 0);
-            encoder.copy_buffer_to_buffer(resolved, 0, &self.staging, stamp_offset(self.capacity), STAMPS);
-        }
+        self.hold(gpu, program, (pipelines, resources), part.size);
         let submitted = Instant::now();
-        let index = gpu.queue.submit([encoder.finish()]);
-        gpu.watch.check()?;
+        let repeats = plan.repeats.max(1);
+        let mut index = None;
+        for repeat in 0..repeats {
+            if let Some(uniforms) = &self.uniforms {
+                gpu.queue.write_buffer(uniforms, 0, block.part(part, repeat));
+            }
+            let mut encoder =
+                gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("tile") });
+            let last_pass = plan.passes.len().saturating_sub(1);
+            for (number, pass) in plan.passes.iter().enumerate() {
+                let first = (repeat == 0 && number == 0).then_some(0);
+                let last = (repeat + 1 == repeats && number == last_pass).then_some(1);
+                self.record(&mut encoder, program, (pipelines, resources), (number, pass), part, (first, last));
+            }
+            if repeat + 1 == repeats {
+                let bytes = invocations as u64 * u64::from(plan.stride) * 4;
+                encoder.copy_buffer_to_buffer(&self.records, 0, &self.staging, 0, bytes);
+                if let Some((set, resolved)) = &self.stamps {
+                    encoder.resolve_query_set(set, 0..2, resolved, 0);
+                    encoder.copy_buffer_to_buffer(resolved, 0, &self.staging, stamp_offset(self.capacity), STAMPS);
+                }
+            }
+            index = Some(gpu.queue.submit([encoder.finish()]));
+            gpu.watch.check()?;
+        }
+        let index = index.expect("a plan runs at least once");
         let (sender, mapped) = mpsc::channel();
         self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
             // Nobody listens when the drawing was given up meanwhile.
             let _ = sender.send(result);
         });
         gpu.watch.check()?;
-        Ok(Flight { slot, part, submitted, index, floats, mapped })
+        Ok(Flight { slot, part, submitted, index, floats: invocations * plan.stride as usize, mapped })
+    }
+
+    /// Records one pass over a tile, with time stamps before and after it if they have numbers.
+    fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        program: &Program,
+        (pipelines, resources): (&Pipelines, &Resources),
+        (number, pass): (usize, &Pass),
+        part: Part,
+        (first, last): (Option<u32>, Option<u32>),
+    ) {
+        let stamps = self.stamps.as_ref().map(|s| &s.0).filter(|_| first.is_some() || last.is_some());
+        let (step, group) = (&pipelines.passes[number], &self.groups.passes[number]);
+        match (&step.pipeline, *pass) {
+            (Pipeline::Compute(pipeline), Pass::Compute { kernel, extent }) => {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some("tile"),
+                    timestamp_writes: stamps.map(|query_set| wgpu::ComputePassTimestampWrites {
+                        query_set,
+                        beginning_of_pass_write_index: first,
+                        end_of_pass_write_index: last,
+                    }),
+                });
+                let [gx, gy, _] = program.kernels[kernel as usize].workgroup().map(|g| g.max(1));
+                let groups = match extent {
+                    Extent::Tile => [part.size[0].div_ceil(gx), part.size[1].div_ceil(gy)],
+                    Extent::Rays => [part.rays.div_ceil(gx), 1],
+                };
+                pass.set_bind_group(0, group, &[]);
+                pass.set_pipeline(pipeline);
+                pass.dispatch_workgroups(groups[0], groups[1], 1);
+            }
+            (Pipeline::Raster(pipeline), Pass::Raster { .. }) => {
+                let attachment = |view| {
+                    Some(wgpu::RenderPassColorAttachment {
+                        view,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })
+                };
+                let color_attachments: Vec<_> = self.targets.views.iter().map(attachment).collect();
+                let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some("tile"),
+                    color_attachments: &color_attachments,
+                    depth_stencil_attachment: None,
+                    timestamp_writes: stamps.map(|query_set| wgpu::RenderPassTimestampWrites {
+                        query_set,
+                        beginning_of_pass_write_index: first,
+                        end_of_pass_write_index: last,
+                    }),
+                    occlusion_query_set: None,
+                    multiview_mask: None,
+                });
+                let [width, height] = part.size;
+                pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+                pass.set_scissor_rect(0, 0, width, height);
+                pass.set_bind_group(0, group, &[]);
+                pass.set_pipeline(pipeline);
+                let corners = resources.outlines.as_ref().map_or(0, |o| o.1);
+                pass.draw(0..corners, 0..1);
+            }
+            // Pipelines are made from the plan's passes, one by one.
+            (Pipeline::Compute(_), Pass::Raster { .. }) | (Pipeline::Raster(_), Pass::Compute { .. }) => {}
+        }
     }
 
     /// Waits for a dispatch, hands its records over, and returns the seconds the GPU says it took, if it says so.

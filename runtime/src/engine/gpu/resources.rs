@@ -41,11 +41,13 @@ pub(super) struct Resources {
     pub(super) meshes: Vec<wgpu::Buffer>,
     /// Columns of light.
     pub(super) cache: Option<wgpu::Buffer>,
+    /// Outlines of slabs, and how many corners there are.
+    pub(super) outlines: Option<(wgpu::Buffer, u32)>,
 }
 
 impl Resources {
     pub(super) fn new(gpu: &Gpu, program: &Program, data: SceneData<'_>) -> Result<Self, GpuError> {
-        let mut resources = Self { grids: vec![], tables: vec![], meshes: vec![], cache: None };
+        let mut resources = Self { grids: vec![], tables: vec![], meshes: vec![], cache: None, outlines: None };
         for binding in &program.plan.bindings {
             match binding {
                 Binding::Grid(id) => {
@@ -83,11 +85,33 @@ impl Resources {
                         mapped_at_creation: false,
                     }));
                 }
-                Binding::Uniforms | Binding::Rays | Binding::Records => {}
+                // They come with each drawing.
+                Binding::Outlines | Binding::Target(_) => {}
+                Binding::Uniforms | Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead => {}
             }
         }
         gpu.watch.check()?;
         Ok(resources)
+    }
+
+    /// Writes the outlines of slabs. Gives whether the buffer is another one now.
+    pub(super) fn write_outlines(&mut self, gpu: &Gpu, corners: &[[f32; 3]]) -> bool {
+        let bytes: &[u8] = bytemuck::cast_slice(corners);
+        let fits = matches!(&self.outlines, Some((buffer, _)) if buffer.size() >= bytes.len() as u64);
+        if !fits {
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("outlines"),
+                size: (bytes.len() as u64).next_power_of_two().max(48),
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            self.outlines = Some((buffer, 0));
+        }
+        if let Some((buffer, count)) = &mut self.outlines {
+            gpu.queue.write_buffer(buffer, 0, bytes);
+            *count = corners.len() as u32;
+        }
+        !fits
     }
 
     /// Writes the tables whose contents changed since the last drawing.

@@ -7,7 +7,7 @@ use compiler::ir::{
     Projection, RenderInfo, Scattering, Table, TableId, Tonemap, Type, Units,
 };
 use compiler::loader::{GridHeader, Scalar};
-use compiler::program::kernel::{Function, Kernel};
+use compiler::program::kernel::{Function, Kernel, Stage};
 use compiler::program::{
     Binding, Extent, FrameValue, Ledger, Output, OutputKind, Pass, Plan, Program, RaySource, StepRule, UniformField,
     UniformLayout, UniformSource,
@@ -72,13 +72,13 @@ fn program(
     let size = fields.iter().map(|f| f.offset + 4 * u32::from(f.width)).max().unwrap_or(0).next_multiple_of(16);
     let scene = scene(graph);
     let extent = if rays == RaySource::Camera { Extent::Tile } else { Extent::Rays };
-    let workgroup = if rays == RaySource::Camera { [8, 8, 1] } else { [64, 1, 1] };
+    let stage = Stage::Compute(if rays == RaySource::Camera { [8, 8, 1] } else { [64, 1, 1] });
     Arc::new(Program {
         lowered: scene.clone(),
         optimised: scene,
         kernels: vec![Kernel {
             name: "main".into(),
-            workgroup,
+            stage,
             structs: vec![],
             resources: vec![],
             functions: vec![],
@@ -91,7 +91,10 @@ fn program(
             stride,
             bindings,
             uniforms: UniformLayout { fields, size },
-            passes: vec![Pass { kernel: 0, extent }],
+            passes: vec![Pass::Compute { kernel: 0, extent }],
+            targets: vec![],
+            notes: 0,
+            repeats: 1,
             steps: StepRule::Closed,
             fill: None,
             samples: 1,
@@ -121,6 +124,7 @@ fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
         seed: 0,
         bounds: None,
         grids: vec![],
+        slabs: crate::frame::Slabs::default(),
     }
 }
 

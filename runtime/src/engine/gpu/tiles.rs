@@ -47,13 +47,22 @@ pub(super) struct Walk {
     group: [u32; 2],
     at: [u32; 2],
     height: u32,
+    /// Most pixels on each axis.
+    largest: [u32; 2],
 }
 
 impl Walk {
     /// Over `size` pixels with workgroups of `group`.
     pub(super) fn new(size: [u32; 2], group: [u32; 2]) -> Self {
         let at = if size.contains(&0) { [0, size[1]] } else { [0, 0] };
-        Self { size, group: group.map(|g| g.max(1)), at, height: 0 }
+        let group = group.map(|g| g.max(1));
+        Self { size, group, at, height: 0, largest: group.map(|g| 65535u32.saturating_mul(g)) }
+    }
+
+    /// No tile larger than this on any axis.
+    pub(super) fn within(mut self, largest: u32) -> Self {
+        self.largest = self.largest.map(|n| n.min(largest));
+        self
     }
 
     /// The next tile, of about `budget` pixels and no more unless that is less than one pixel in each row of the band.
@@ -71,9 +80,9 @@ impl Walk {
         if x == 0 {
             let rows = budget / u64::from(width);
             self.height = whole(rows.max(u64::from(self.group[1]).min(budget)), self.group[1], height - y);
-            self.height = self.height.min(65535 * self.group[1]);
+            self.height = self.height.min(self.largest[1]);
         }
-        let most = width.min(65535u32.saturating_mul(self.group[0]));
+        let most = width.min(self.largest[0]);
         let columns = whole(budget / u64::from(self.height), self.group[0], (width - x).min(most));
         let part = Part { origin: self.at, size: [columns, self.height], rays: columns };
         self.at[0] += columns;

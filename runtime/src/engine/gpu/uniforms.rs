@@ -59,11 +59,11 @@ impl Block {
         block
     }
 
-    /// The bytes for one dispatch.
-    pub(super) fn part(&mut self, part: Part) -> &[u8] {
+    /// The bytes for one dispatch, of the plan's repeats the one of this number.
+    pub(super) fn part(&mut self, part: Part, repeat: u32) -> &[u8] {
         for field in std::mem::take(&mut self.moving) {
             if let UniformSource::Frame(value) = field.source {
-                self.store(&field, &of_part(value, part));
+                self.store(&field, &of_part(value, part, repeat));
             }
             self.moving.push(field);
         }
@@ -83,7 +83,7 @@ impl Block {
 fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
     let eye = &frame.eye;
     Some(match value {
-        FrameValue::TileOrigin | FrameValue::TileSize | FrameValue::RayCount => return None,
+        FrameValue::TileOrigin | FrameValue::TileSize | FrameValue::RayCount | FrameValue::Repeat => return None,
         FrameValue::ImageSize => frame.size.map(f64::from).to_vec(),
         FrameValue::CameraAnchor => eye.anchor.to_vec(),
         FrameValue::CameraForward => eye.forward.to_vec(),
@@ -101,14 +101,20 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::CacheLow => frame.cube().0.to_vec(),
         FrameValue::CacheSize => vec![frame.cube().1],
         FrameValue::PixelScale => vec![f64::from(frame.size[1]) / 2.0],
+        FrameValue::SlabStart => vec![frame.slabs.start],
+        FrameValue::SlabStep => vec![frame.slabs.step],
+        FrameValue::SlabCount => vec![f64::from(frame.slabs.count)],
+        FrameValue::BoundsLow => frame.slabs.bounds[0].to_vec(),
+        FrameValue::BoundsHigh => frame.slabs.bounds[1].to_vec(),
     })
 }
 
-fn of_part(value: FrameValue, part: Part) -> Vec<f64> {
+fn of_part(value: FrameValue, part: Part, repeat: u32) -> Vec<f64> {
     match value {
         FrameValue::TileOrigin => part.origin.map(f64::from).to_vec(),
         FrameValue::TileSize => part.size.map(f64::from).to_vec(),
         FrameValue::RayCount => vec![f64::from(part.rays)],
+        FrameValue::Repeat => vec![f64::from(repeat)],
         FrameValue::ImageSize
         | FrameValue::CameraAnchor
         | FrameValue::CameraForward
@@ -125,7 +131,12 @@ fn of_part(value: FrameValue, part: Part) -> Vec<f64> {
         | FrameValue::Rounds
         | FrameValue::CacheLow
         | FrameValue::CacheSize
-        | FrameValue::PixelScale => vec![],
+        | FrameValue::PixelScale
+        | FrameValue::SlabStart
+        | FrameValue::SlabStep
+        | FrameValue::SlabCount
+        | FrameValue::BoundsLow
+        | FrameValue::BoundsHigh => vec![],
     }
 }
 

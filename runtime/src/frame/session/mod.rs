@@ -1,6 +1,7 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
 mod random;
+mod slabs;
 
 use super::measure::{Measured, Samples, worst};
 use super::{
@@ -9,7 +10,7 @@ use super::{
 };
 use crate::data::Volume;
 use crate::data::mesh::Mesh;
-use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile};
+use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile, Timing};
 use crate::engine::reference::{self, MeshHit, Meshes, Reference};
 use crate::image::Picture;
 use compiler::analysis::range::Range;
@@ -129,6 +130,8 @@ pub struct Drawing {
     pub error_kind: &'static str,
     /// Paths of each pixel, if the picture was drawn by chance.
     pub paths: Option<u64>,
+    /// Slabs that the media were cut into, if they were.
+    pub slabs: Option<u32>,
     /// Field evaluations in all, if they were counted.
     pub evaluations: Option<u64>,
     /// Milliseconds to draw.
@@ -329,6 +332,8 @@ impl Session {
             (Engine::Gpu(_), StepRule::Closed) => "none (closed forms)".into(),
             (Engine::Gpu(_), StepRule::Fixed(n)) => format!("{n} along each ray"),
             (Engine::Gpu(_), StepRule::Adaptive(a)) => format!("adaptive, to {a}"),
+            (Engine::Gpu(_), StepRule::Slabs { count: Some(n), .. }) => format!("{n} slabs"),
+            (Engine::Gpu(_), StepRule::Slabs { count: None, .. }) => format!("slabs, to {}", self.accuracy()),
         }
     }
 
@@ -387,12 +392,12 @@ impl Session {
             size: camera.map_or([0, 0], |c| c.size),
             accuracy: match plan.steps {
                 StepRule::Adaptive(a) => a,
-                StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) => self.accuracy(),
+                StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => self.accuracy(),
             },
             white: if camera.is_some() { super::white(scene, &params.0, time) } else { 0.0 },
             steps: match plan.steps {
                 StepRule::Fixed(n) => n,
-                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => {
                     self.options.steps.or(scene.render.steps).unwrap_or(0)
                 }
             },
@@ -405,6 +410,7 @@ impl Session {
             seed: self.seed as u32 ^ (self.seed >> 32) as u32,
             bounds: super::bounds::bounded_media(scene, &params.0, time),
             grids: self.grid_ranges.clone(),
+            slabs: super::Slabs::default(),
         }
     }
 
@@ -417,6 +423,7 @@ impl Session {
         let camera = self.camera(params, time)?;
         match &self.engine {
             Engine::Gpu(_) if self.is_random() => self.draw_paths(params, time, &camera, progress),
+            Engine::Gpu(_) if self.is_sliced() => self.draw_slabs(params, time, &camera, progress),
             Engine::Gpu(_) => self.draw_gpu(params, time, &camera, progress),
             Engine::Cpu | Engine::Reference => self.draw_cpu(params, time, &camera, progress),
         }
@@ -431,23 +438,37 @@ impl Session {
     ) -> Result<Drawing, Trouble> {
         let scene = &self.program.lowered;
         let frame = self.frame(params, time, Some(camera), scene_bounds(scene, &params.0, time));
-        let mut canvas = Canvas::new(&self.program.plan, camera.size, scene.bands.count() as usize, &frame);
+        let (canvas, timing) = self.canvas(&frame, progress)?;
+        self.drawing(canvas, timing, params, time)
+    }
+
+    /// Draws one frame.
+    fn canvas(&mut self, frame: &Frame, progress: &dyn Fn(f64)) -> Result<(Canvas, Timing), Trouble> {
+        let bands = self.program.lowered.bands.count() as usize;
+        let mut canvas = Canvas::new(&self.program.plan, frame.size, bands, frame);
         let Engine::Gpu(prepared) = &mut self.engine else {
             return Err(self.trouble(Cause::Machine, Diagnostics::default()));
         };
-        let timing = prepared.draw(&frame, &mut |tile, records| {
+        let timing = prepared.draw(frame, &mut |tile, records| {
             canvas.take(tile, records);
             progress(canvas.done());
         });
         let timing = timing.map_err(|e| self.broken(&e))?;
+        Ok((canvas, timing))
+    }
+
+    /// What was drawn, with what is known about it.
+    fn drawing(&self, canvas: Canvas, timing: Timing, params: &Params, time: f64) -> Result<Drawing, Trouble> {
+        let size = canvas.size();
         let Canvas { radiance, transmittance, edges, predicted, evaluations, faults, .. } = canvas;
         let bands = self.program.lowered.bands.clone();
         Ok(Drawing {
-            picture: Picture::new(camera.size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
+            picture: Picture::new(size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
             edges,
             predicted,
             error_kind: "estimate",
             paths: None,
+            slabs: None,
             evaluations,
             milliseconds: timing.milliseconds,
             clock: match timing.clock {
@@ -517,6 +538,7 @@ impl Session {
                 Scattering::Multiple => reference::ErrorKind::StandardError.name(),
             },
             paths: None,
+            slabs: None,
             evaluations: Some(pixels.evaluations),
             milliseconds: milliseconds(started),
             clock: "wall",
@@ -569,7 +591,8 @@ impl Session {
         }
         match self.engine {
             Engine::Gpu(_) if self.is_random() => self.probe_paths(params, &list, settings),
-            Engine::Gpu(_) => self.probe_gpu(params, &list, settings),
+            Engine::Gpu(_) if self.is_sliced() => self.probe_slabs(params, &list, settings),
+            Engine::Gpu(_) => self.probe_gpu(params, &list, settings, super::Slabs::default()),
             Engine::Cpu | Engine::Reference => self.probe_cpu(params, &list, settings),
         }
     }
@@ -612,10 +635,11 @@ impl Session {
         params: &Params,
         rays: &[([f64; 3], [f64; 3])],
         settings: &ProbeSettings,
+        slabs: super::Slabs,
     ) -> Result<Vec<RayAnswer>, Trouble> {
         let scene = &self.program.lowered;
         let bounds = scene_bounds(scene, &params.0, settings.time);
-        let frame = self.frame(params, settings.time, None, bounds);
+        let frame = Frame { slabs, ..self.frame(params, settings.time, None, bounds) };
         let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
         let reader = Reader::new(&self.program.plan, scene.bands.count() as usize);
         let (mut answers, mut faults) = (Vec::with_capacity(rays.len()), FaultTally::default());
@@ -790,6 +814,11 @@ impl Canvas {
             evaluations: has(OutputKind::Evaluations).then_some(0),
             faults: FaultTally::default(),
         }
+    }
+
+    fn size(&self) -> [u32; 2] {
+        let width = self.width as u64;
+        [width as u32, (self.total / width.max(1)) as u32]
     }
 
     fn done(&self) -> f64 {

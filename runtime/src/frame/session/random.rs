@@ -20,7 +20,9 @@ impl Session {
     fn batches(&self) -> Batches {
         match self.program.plan.steps {
             StepRule::Paths(samples) => Batches::new(samples),
-            StepRule::Closed | StepRule::Fixed(_) | StepRule::Adaptive(_) => Batches::new(Some(1)),
+            StepRule::Closed | StepRule::Fixed(_) | StepRule::Adaptive(_) | StepRule::Slabs { .. } => {
+                Batches::new(Some(1))
+            }
         }
     }
 
@@ -101,6 +103,7 @@ impl Session {
             predicted: Some((worst.0 + cut_off, worst.1)),
             error_kind: "standard-error",
             paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),
+            slabs: None,
             evaluations: None,
             milliseconds,
             clock: match clock {

@@ -1,0 +1,139 @@
+//! `aim`: the ray of each pixel, where it ends, and where it meets the planes.
+
+use super::Rays;
+use crate::fields::{Code, KernelBuilder};
+use crate::ir::FieldScene;
+use crate::program::kernel::{BinaryOp, Expr, Function, Prim, Ty};
+use crate::program::{FrameValue, RaySource};
+use crate::transport::records::{self, Pixel};
+use crate::transport::slab::Slabs;
+use crate::transport::{Scene, edges, rays};
+
+/// f32 of a ray's note.
+pub(super) const NOTES: u32 = 12;
+
+/// A ray as it is noted.
+pub(super) struct Note {
+    pub(super) origin: Expr,
+    pub(super) direction: Expr,
+    /// Least t that counts.
+    pub(super) start: Expr,
+    /// Where a surface ends it.
+    pub(super) end: Expr,
+    /// t of the first plane, and from plane to plane.
+    pub(super) first: Expr,
+    pub(super) step: Expr,
+    /// Share of the pixel.
+    pub(super) weight: Expr,
+    /// 1 where an edge divides the pixel, else 0.
+    pub(super) edge: Expr,
+}
+
+impl Note {
+    /// Reads it back.
+    pub(super) fn read(builder: &mut KernelBuilder, code: &mut Code, record: &Expr) -> Self {
+        let notes = builder.notes_read();
+        let base = code.bind("note", Ty::U32, record.clone() * NOTES);
+        let mut at = |name: &str, i: u32| code.bind(name, Ty::F32, Expr::Load(notes, Box::new(base.clone() + i)));
+        let origin = [at("origin_x", 0), at("origin_y", 1), at("origin_z", 2)];
+        let start = at("start", 3);
+        let direction = [at("direction_x", 4), at("direction_y", 5), at("direction_z", 6)];
+        let (end, first, step) = (at("end", 7), at("first", 8), at("step", 9));
+        let (weight, edge) = (at("weight", 10), at("edge", 11));
+        let three = |parts: [Expr; 3]| Expr::Compose(Ty::VEC3, parts.into());
+        let origin = code.bind("origin", Ty::VEC3, three(origin));
+        let direction = code.bind("direction", Ty::VEC3, three(direction));
+        Self { origin, direction, start, end, first, step, weight, edge }
+    }
+
+    fn write(self, builder: &mut KernelBuilder, code: &mut Code, record: &Expr) {
+        let notes = builder.notes();
+        let base = code.bind("note", Ty::U32, record.clone() * NOTES);
+        let part = |v: &Expr, i: u8| v.clone().component(i);
+        let (o, d) = (&self.origin, &self.direction);
+        let values = [
+            [part(o, 0), part(o, 1), part(o, 2), self.start],
+            [part(d, 0), part(d, 1), part(d, 2), self.end],
+            [self.first, self.step, self.weight, self.edge],
+        ];
+        for (i, value) in (0..).zip(values.into_iter().flatten()) {
+            code.store(notes, base.clone() + i, value);
+        }
+    }
+}
+
+/// The entry point.
+pub(super) fn entry(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    seen: &Scene,
+    slabs: &Slabs,
+    source: RaySource,
+    rays: Rays,
+) -> Function {
+    match source {
+        RaySource::Camera => camera(scene, builder, seen, slabs, rays),
+        RaySource::List => list(builder, slabs),
+    }
+}
+
+fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, slabs: &Slabs, rays: Rays) -> Function {
+    let mut code = Code::new("aim", None);
+    let Pixel { x, y, record } = records::pixel(builder, &mut code);
+    let camera = rays::Camera::new(builder, scene.camera.projection);
+    let centre = |code: &mut Code| {
+        (code.bind("center_x", Ty::F32, x.clone() + 0.5), code.bind("center_y", Ty::F32, y.clone() + 0.5))
+    };
+    let mut edge = Expr::F32(0.0);
+    let ((at_x, at_y), weight) = match rays {
+        Rays::One => (centre(&mut code), Expr::F32(1.0)),
+        Rays::Spread(n) => {
+            let number = builder.frame(FrameValue::Repeat).convert(Prim::F32);
+            let (dx, dy) = rays::sample_offset(&mut code, number, n);
+            ((x.clone() + dx, y.clone() + dy), Expr::F32(1.0 / f64::from(n)))
+        }
+        Rays::Divided => {
+            let centre = centre(&mut code);
+            match edges::divide(&scene.graph, builder, &mut code, &camera, seen.primitives(), centre.clone()) {
+                None => (centre, Expr::F32(1.0)),
+                Some(edges::Division { covered, inner, outer, divided }) => {
+                    let second = Expr::binary(BinaryOp::NotEqual, builder.frame(FrameValue::Repeat), 0u32);
+                    let second = code.bind("second", Ty::BOOL, second);
+                    edge = divided.select(1.0, 0.0);
+                    let at_x = centre.0 + second.clone().select(outer.0, inner.0);
+                    let at_y = centre.1 + second.clone().select(outer.1, inner.1);
+                    ((at_x, at_y), second.select(Expr::F32(1.0) - covered.clone(), covered))
+                }
+            }
+        }
+    };
+    let ray = camera.ray(&mut code, "ray", at_x, at_y);
+    let end = slabs.end(&mut code, &ray.origin, &ray.direction, &ray.from);
+    // Planes are counted from the anchor, where the ray's parameter is 0: thicker along rays off the axis.
+    let facing = ray.direction.clone().dot(builder.frame(FrameValue::CameraForward));
+    let facing = code.bind("facing", Ty::F32, facing);
+    let first = builder.frame(FrameValue::SlabStart) / facing.clone();
+    let step = builder.frame(FrameValue::SlabStep) / facing;
+    let rays::Start { origin, direction, from } = ray;
+    Note { origin, direction, start: from, end, first, step, weight, edge }.write(builder, &mut code, &record);
+    code.finish(None)
+}
+
+/// Rays of a list have no common planes: each is cut into equal parts within the box around the media.
+fn list(builder: &mut KernelBuilder, slabs: &Slabs) -> Function {
+    let mut code = Code::new("aim", None);
+    let index = records::listed(builder, &mut code);
+    let ray = rays::list(builder, &mut code, &index);
+    let end = slabs.end(&mut code, &ray.origin, &ray.direction, &ray.from);
+    let low = builder.frame(FrameValue::BoundsLow);
+    let high = builder.frame(FrameValue::BoundsHigh);
+    let arguments = vec![ray.origin.clone(), ray.direction.clone(), low, high];
+    let span = code.bind("span", Ty::float(2), Expr::Call(slabs.through_box, arguments));
+    let first = code.bind("first", Ty::F32, span.clone().component(0).max(ray.from.clone()));
+    let length = (span.component(1).min(end.clone()) - first.clone()).max(0.0);
+    let step = length / builder.frame(FrameValue::SlabCount).convert(Prim::F32);
+    let rays::Start { origin, direction, from } = ray;
+    let note = Note { origin, direction, start: from, end, first, step, weight: Expr::F32(1.0), edge: Expr::F32(0.0) };
+    note.write(builder, &mut code, &index);
+    code.finish(None)
+}

@@ -1,0 +1,147 @@
+//! Slicing: planes across the view cut the media into slabs, which are drawn as polygons and blended, farthest first
+//! (Cullip & Neumann 1993; Wilson et al. 1994). What a slab sends and lets through comes from its middle, with the exact
+//! exponential over the length that the ray has in it, which grows off the axis of a perspective.
+//!
+//! Three passes for each tile: `aim` finds the ray of each pixel, where it ends, and where it meets the planes; `outline`
+//! and `slice` draw the slabs; `resolve` puts what lies behind the media behind them and writes records. Light is blended
+//! per band with the band's own transmittance, in f32; optical depths are summed and never multiplied up as transmittances.
+
+mod aim;
+mod resolve;
+mod slice;
+
+use crate::Options;
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::fields::KernelBuilder;
+use crate::ir::{Composite, FieldScene, Projection};
+use crate::program::kernel::{Kernel, Stage};
+use crate::program::{Extent, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::transport::{Scene, Tracer, records};
+
+/// The rays through a pixel, one after another.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+enum Rays {
+    /// Through its centre, or one of a list.
+    One,
+    /// At as many points of it.
+    Spread(u32),
+    /// Two, on the two sides of an edge, weighed by what they cover.
+    Divided,
+}
+
+impl Rays {
+    fn count(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Spread(n) => n,
+            Self::Divided => 2,
+        }
+    }
+}
+
+/// Kernels and plan of a scene.
+pub(super) fn build(
+    scene: &mut FieldScene,
+    options: &Options,
+    ledger: &mut Ledger,
+    diagnostics: &mut Diagnostics,
+) -> Option<(Vec<Kernel>, Plan)> {
+    refuse(scene, options, diagnostics);
+    let seen = Scene::new(scene, ledger, diagnostics);
+    refuse_endless(&seen, diagnostics);
+    if seen.is_multiple(scene) {
+        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
+    }
+    if diagnostics.has_errors() {
+        return None;
+    }
+    let (mut count, accuracy) = (scene.render.slices, scene.render.accuracy);
+    if count.is_none() && seen.closed {
+        ledger.omit("more than one slab", "every coefficient has a closed form along a ray", None);
+        count = Some(1);
+    }
+    let rule = StepRule::Slabs { count, accuracy };
+    let aa = options.aa.unwrap_or(scene.image.aa);
+    let samples = records::samples(aa, options.rays, ledger);
+    let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
+    let rays = match (samples, divided) {
+        (_, true) => Rays::Divided,
+        (1, false) => Rays::One,
+        (n, false) => Rays::Spread(n),
+    };
+    let mut builder = KernelBuilder::default();
+    let tracer = Tracer::new(scene, &seen, &mut builder, rule, records::wanted(&options.outputs));
+    let slabs = tracer.write_slabs(ledger);
+    let edge = divided && options.outputs.contains(&OutputKind::Edge);
+    let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
+    let layers = slice::Layers::new(&slabs);
+    let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, rays);
+    let (outline, slice) = slice::entries(&mut builder, &slabs, &layers);
+    let resolve = resolve::entry(&mut builder, &slabs, &layers, (options.rays, rays, edge), stride);
+    let (extent, group) = match options.rays {
+        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
+        RaySource::List => (Extent::Rays, [64, 1, 1]),
+    };
+    let mut entries = vec![
+        ("aim", Stage::Compute(group), aim),
+        ("outline", Stage::Vertex, outline),
+        ("slice", Stage::Fragment, slice),
+        ("resolve", Stage::Compute(group), resolve),
+    ];
+    let fill = slabs.fill.map(|(fill, entry)| {
+        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
+        crate::program::FillPass { kernel: entries.len() as u32 - 1, ..fill }
+    });
+    let (kernels, bindings, uniforms) = builder.finish(entries);
+    let plan = Plan {
+        backend: "slicing",
+        rays: options.rays,
+        outputs,
+        stride,
+        bindings,
+        uniforms,
+        passes: vec![
+            Pass::Compute { kernel: 0, extent },
+            Pass::Raster { vertex: 1, fragment: 2 },
+            Pass::Compute { kernel: 3, extent },
+        ],
+        targets: layers.targets,
+        notes: aim::NOTES,
+        repeats: rays.count(),
+        steps: rule,
+        fill,
+        samples,
+        work_per_ray: count.unwrap_or(256),
+    };
+    Some((kernels, plan))
+}
+
+fn cannot(what: &str, word: &str) -> Diagnostic {
+    Diagnostic::error("E0530", format!("slicing cannot {what}"))
+        .note(format!("{word} can be drawn by: raymarch"))
+        .hint("use `backend = raymarch`, or `auto`")
+}
+
+/// What slabs across the view cannot show.
+fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) {
+    if options.rays == RaySource::Camera && scene.camera.projection == Projection::Panorama {
+        diagnostics.push(cannot("draw a panorama: planes do not cross a view all around", "`projection = panorama`"));
+    }
+    match scene.render.composite {
+        Composite::Radiance => {}
+        Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_) => {
+            diagnostics.push(cannot("project data", "`composite`"));
+        }
+    }
+}
+
+/// Slabs fill a bounded part of space.
+fn refuse_endless(seen: &Scene, diagnostics: &mut Diagnostics) {
+    for (name, span) in seen.endless() {
+        let diagnostic = cannot(&format!("draw `{name}`, which has no end"), "a medium without end");
+        diagnostics.push(match span {
+            Some(span) => diagnostic.at(span, "this medium"),
+            None => diagnostic,
+        });
+    }
+}

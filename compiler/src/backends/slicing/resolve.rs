@@ -1,0 +1,117 @@
+//! `resolve`: what was drawn into the targets, with what lies behind the media, as records.
+
+use super::Rays;
+use super::aim::Note;
+use super::slice::{CUT_SHORT, FAULT, Layers, components};
+use crate::fields::{Code, KernelBuilder};
+use crate::program::kernel::{Expr, Function, Math, Prim, Ty};
+use crate::program::{Fault, FrameValue, OutputKind, RaySource};
+use crate::transport::records::{self, Pixel};
+use crate::transport::slab::{Part, Slabs};
+
+/// The entry point.
+pub(super) fn entry(
+    builder: &mut KernelBuilder,
+    slabs: &Slabs,
+    layers: &Layers,
+    (source, rays, edge): (RaySource, Rays, bool),
+    stride: u32,
+) -> Function {
+    let mut code = Code::new("resolve", None);
+    let (record, place) = match source {
+        RaySource::Camera => {
+            let Pixel { record, .. } = records::pixel(builder, &mut code);
+            (record, [Expr::GlobalId.component(0), Expr::GlobalId.component(1)])
+        }
+        RaySource::List => {
+            let index = records::listed(builder, &mut code);
+            (index.clone(), [index, Expr::U32(0)])
+        }
+    };
+    let place = Expr::Compose(Ty::Value(Prim::I32, 2), place.map(|p| p.convert(Prim::I32)).into());
+    let place = code.bind("place", Ty::Value(Prim::I32, 2), place);
+    let texels: Vec<Expr> = (0..)
+        .zip(&layers.targets)
+        .map(|(i, target)| {
+            let texture = builder.target(i, &target.name);
+            let load = Expr::TextureLoad(texture, Box::new(place.clone()));
+            code.bind(&format!("{}_texel", target.name), Ty::float(4), load)
+        })
+        .collect();
+    let channel = |part: Part, component: u8| {
+        let found = layers.channels.iter().zip(&texels).find_map(|(channels, texel)| {
+            let at = channels.iter().position(|c| *c == (part, component))?;
+            Some(texel.clone().component(at as u8))
+        });
+        found.expect("every part of a slab has its channel")
+    };
+    let note = Note::read(builder, &mut code, &record);
+    let mut arguments = vec![note.origin.clone(), note.direction.clone(), note.start.clone()];
+    let fault = slabs.place(Part::Fault).map(|_| {
+        let packed = code.bind("packed", Ty::F32, channel(Part::Fault, 0));
+        let number = Expr::math(Math::Floor, [packed.clone() / FAULT]);
+        let number = code.bind("fault_number", Ty::F32, number);
+        let slab = packed - number.clone() * FAULT;
+        let t = note.first.clone() + (slab + 0.5) * note.step.clone();
+        let at = note.origin.clone() + note.direction.clone() * t.splat(3);
+        arguments.push(code.bind("fault_at", Ty::VEC3, at));
+        let code_of = code.bind("fault_code", Ty::U32, number.convert(Prim::U32));
+        code_of.clone().greater_equal(CUT_SHORT).select(Fault::CUT_SHORT, code_of)
+    });
+    for (part, ty) in &slabs.parts {
+        arguments.push(match part {
+            Part::Light | Part::Depth => {
+                let parts: Vec<Expr> = (0..components(*ty)).map(|i| channel(*part, i)).collect();
+                if let [only] = parts.as_slice() { only.clone() } else { Expr::Compose(*ty, parts) }
+            }
+            Part::Error => channel(*part, 0),
+            Part::Work => channel(*part, 0).convert(Prim::U32),
+            Part::Fault => fault.clone().expect("made above"),
+        });
+    }
+    let whole = builder.result_of(slabs.whole.function);
+    let whole = code.bind("traced", whole, Expr::Call(slabs.whole.function, arguments));
+    let mut values: Vec<Expr> = (0..slabs.whole.fields.len() as u32).map(|i| whole.clone().field(i)).collect();
+    let mut fields = slabs.whole.fields.clone();
+    if edge {
+        values.push(note.edge.clone());
+        fields.push((OutputKind::Edge, 1));
+    }
+    let widths: Vec<u8> = fields.iter().map(|f| f.1).collect();
+    if rays == Rays::One {
+        records::store(builder, &mut code, &widths, &values, &record, stride);
+        return code.finish(None);
+    }
+    // Records add up over the rays of a pixel.
+    let records = builder.records();
+    let base = code.bind("so_far_at", Ty::U32, record.clone() * stride);
+    let first = code.bind("first_ray", Ty::BOOL, builder.frame(FrameValue::Repeat).equal(0u32));
+    let mut offset = 0u32;
+    let mut sums = vec![];
+    for ((kind, width), value) in fields.iter().zip(values) {
+        let before: Vec<Expr> = (0..u32::from(*width))
+            .map(|i| {
+                let load = Expr::Load(records, Box::new(base.clone() + (offset + i)));
+                let load = code.bind("so_far", Ty::F32, load);
+                first.clone().select(0.0, load)
+            })
+            .collect();
+        offset += u32::from(*width);
+        let before =
+            if let [only] = before.as_slice() { only.clone() } else { Expr::Compose(Ty::float(*width), before) };
+        let before = code.bind("before", Ty::float(*width), before);
+        sums.push(match kind {
+            OutputKind::Fault => {
+                let none = before.clone().component(0).bitcast(Prim::U32).equal(0u32);
+                none.select(value, before)
+            }
+            OutputKind::Evaluations => before + value,
+            OutputKind::Edge => before.max(value),
+            OutputKind::Radiance | OutputKind::Transmittance | OutputKind::OpticalDepth | OutputKind::Error => {
+                before + value * note.weight.clone().splat(*width)
+            }
+        });
+    }
+    records::store(builder, &mut code, &widths, &sums, &record, stride);
+    code.finish(None)
+}

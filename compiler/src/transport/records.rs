@@ -1,0 +1,111 @@
+//! What comes out of rays, and how pixels are made of them.
+
+use super::edges;
+use crate::fields::{Code, KernelBuilder};
+use crate::ir::{Aa, Primitive};
+use crate::program::kernel::{Expr, Prim, Ty};
+use crate::program::{FrameValue, Ledger, Output, OutputKind, RaySource};
+
+/// The outputs that are made: those asked for, and what went wrong.
+pub(crate) fn wanted(options: &[OutputKind]) -> Vec<OutputKind> {
+    let mut wanted = options.to_vec();
+    if !wanted.contains(&OutputKind::Fault) {
+        wanted.push(OutputKind::Fault);
+    }
+    wanted.sort_unstable();
+    wanted.dedup();
+    wanted
+}
+
+/// Places of outputs of these widths in a record, whether pixels are told to straddle an edge behind them, and f32 in all.
+pub(crate) fn layout(fields: &[(OutputKind, u8)], edge: bool) -> (Vec<Output>, u32) {
+    let (mut outputs, mut stride) = (vec![], 0);
+    for (kind, width) in fields.iter().copied().chain(edge.then_some((OutputKind::Edge, 1))) {
+        outputs.push(Output { kind, offset: stride, width });
+        stride += u32::from(width);
+    }
+    (outputs, stride)
+}
+
+/// Stores a traced ray in its record.
+pub(crate) fn store(
+    builder: &mut KernelBuilder,
+    code: &mut Code,
+    widths: &[u8],
+    values: &[Expr],
+    record: &Expr,
+    stride: u32,
+) {
+    let records = builder.records();
+    let base = code.bind("base", Ty::U32, record.clone() * stride);
+    let mut offset = 0u32;
+    for (width, value) in widths.iter().zip(values) {
+        for i in 0..*width {
+            let part = if *width == 1 { value.clone() } else { value.clone().component(i) };
+            code.store(records, base.clone() + offset, part);
+            offset += 1;
+        }
+    }
+}
+
+/// The pixel that an invocation draws.
+pub(crate) struct Pixel {
+    /// Of its upper left corner, in pixels of the picture.
+    pub(crate) x: Expr,
+    pub(crate) y: Expr,
+    pub(crate) record: Expr,
+}
+
+/// The number of this invocation's ray in a list. Leaves the kernel where there is no such ray.
+pub(crate) fn listed(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
+    let index = code.bind("index", Ty::U32, Expr::GlobalId.component(0));
+    let count = builder.frame(FrameValue::RayCount);
+    code.if_(index.clone().greater_equal(count), Code::return_nothing);
+    index
+}
+
+/// The pixel of this invocation. Leaves the kernel where the tile has none.
+pub(crate) fn pixel(builder: &mut KernelBuilder, code: &mut Code) -> Pixel {
+    let tile = builder.frame(FrameValue::TileSize);
+    let column = code.bind("column", Ty::U32, Expr::GlobalId.component(0));
+    let row = code.bind("row", Ty::U32, Expr::GlobalId.component(1));
+    let outside = column.clone().greater_equal(tile.clone().component(0));
+    let outside = outside.or(row.clone().greater_equal(tile.clone().component(1)));
+    code.if_(outside, Code::return_nothing);
+    let origin = builder.frame(FrameValue::TileOrigin);
+    let prim = Prim::F32;
+    let x = code.bind("x", Ty::F32, (origin.clone().component(0) + column.clone()).convert(prim));
+    let y = code.bind("y", Ty::F32, (origin.component(1) + row.clone()).convert(prim));
+    let record = code.bind("record", Ty::U32, row * tile.component(0) + column);
+    Pixel { x, y, record }
+}
+
+/// Rays of each pixel.
+pub(crate) fn samples(aa: Aa, rays: RaySource, ledger: &mut Ledger) -> u32 {
+    match (rays, aa) {
+        (RaySource::List, _) => 1,
+        (RaySource::Camera, Aa::Ssaa(n)) if n > 1 => n,
+        (RaySource::Camera, _) => {
+            ledger.omit("loop over samples of a pixel", "one ray per pixel is asked for", None);
+            1
+        }
+    }
+}
+
+/// Whether silhouettes are found and their pixels divided.
+pub(crate) fn divides(aa: Aa, rays: RaySource, primitives: &[Primitive], ledger: &mut Ledger) -> bool {
+    let analytic = match aa {
+        // Until they have code of their own, the other kinds are drawn with this one, and a warning says so.
+        Aa::Analytic | Aa::Msaa(_) | Aa::Fxaa | Aa::Smaa | Aa::Taa => rays == RaySource::Camera,
+        Aa::None | Aa::Ssaa(_) => false,
+    };
+    if !analytic {
+        ledger.omit("division of pixels at edges", "analytic anti-aliasing is not asked for", None);
+        return false;
+    }
+    if !primitives.iter().any(edges::has_edge) {
+        ledger.omit("division of pixels at edges", "no shape has a silhouette in closed form", None);
+        return false;
+    }
+    true
+}

@@ -1,0 +1,224 @@
+//! Slabs across the view, and their outlines in the picture: what slicing draws.
+
+use super::vector::{add, dot, scale, sub};
+use super::{Camera, Eye, Vec3, View};
+
+/// Pixels by which outlines are wider than what they hold: rays go through any point of a pixel, and rounding must not cut.
+const MARGIN: f64 = 1.5;
+/// An outline that reaches farther than this from the picture, in pixels, is taken to cover all of it.
+const FARTHEST: f64 = 1e6;
+
+/// Slabs between planes across the view. Lengths are in the scene's units.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Slabs {
+    /// Distance of the first plane from the eye's anchor, along forward.
+    pub start: f64,
+    /// Distance from plane to plane.
+    pub step: f64,
+    /// How many slabs.
+    pub count: u32,
+    /// Lower and upper corner of a box around the media.
+    pub bounds: [Vec3; 2],
+    /// Triangles, three corners each, the farthest slab first: x and y in pixels of the picture, and the number of the slab,
+    /// counted from the eye.
+    pub outlines: Vec<[f32; 3]>,
+}
+
+/// Pairs of corners that an edge of a box joins: those whose numbers differ in one bit.
+fn edges() -> impl Iterator<Item = (usize, usize)> {
+    (0..8usize).flat_map(|i| (0..3).map(move |k| (i, i ^ (1 << k)))).filter(|(a, b)| a < b)
+}
+
+impl Slabs {
+    /// `count` slabs across the boxes, as a camera sees them.
+    #[must_use]
+    pub fn of_view(boxes: &[[Vec3; 8]], eye: &Eye, camera: &Camera, count: u32) -> Self {
+        let depth = |p: &Vec3| dot(sub(*p, eye.anchor), eye.forward);
+        let depths = || boxes.iter().flatten().map(depth);
+        // Nothing is seen behind the eye.
+        let near = depths().fold(f64::INFINITY, f64::min).max(-eye.plane);
+        let far = depths().fold(f64::NEG_INFINITY, f64::max);
+        let bounds = bounds(boxes);
+        if far <= near || count == 0 || camera.size.contains(&0) {
+            return Self { start: 0.0, step: 1.0, count, bounds, outlines: vec![] };
+        }
+        // A little more, so that rounding leaves nothing outside.
+        let slack = 1e-6 * (far - near);
+        let start = (near - slack).max(-eye.plane);
+        let step = (far + slack - start) / f64::from(count);
+        let mut outlines = vec![];
+        for slab in (0..count).rev() {
+            let low = start + f64::from(slab) * step;
+            let outline = outline(boxes, (low, low + step), eye, camera);
+            let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, slab as f32];
+            for pair in outline.windows(2).skip(1) {
+                outlines.extend([corner(outline[0]), corner(pair[0]), corner(pair[1])]);
+            }
+        }
+        Self { start, step, count, bounds, outlines }
+    }
+
+    /// `count` parts of each ray of a list within the boxes. The list is drawn as a picture one pixel high.
+    #[must_use]
+    pub fn of_rays(boxes: &[[Vec3; 8]], rays: usize, count: u32) -> Self {
+        let wide = rays as f32 + 1.0;
+        let mut outlines = vec![];
+        for slab in (0..count).rev() {
+            let corner = |x: f32, y: f32| [x, y, slab as f32];
+            outlines.extend([corner(-1.0, -1.0), corner(wide, -1.0), corner(wide, 2.0)]);
+            outlines.extend([corner(-1.0, -1.0), corner(wide, 2.0), corner(-1.0, 2.0)]);
+        }
+        let mut bounds = bounds(boxes);
+        for k in 0..3 {
+            let slack = 1e-6 * (bounds[1][k] - bounds[0][k]);
+            bounds[0][k] -= slack;
+            bounds[1][k] += slack;
+        }
+        Self { start: 0.0, step: 1.0, count, bounds, outlines }
+    }
+}
+
+/// Lower and upper corner of a box around all; an empty one where there is none.
+fn bounds(boxes: &[[Vec3; 8]]) -> [Vec3; 2] {
+    if boxes.is_empty() {
+        return [[0.0; 3]; 2];
+    }
+    let extreme = |start: f64, pick: fn(f64, f64) -> f64| {
+        std::array::from_fn(|k| boxes.iter().flatten().map(|p| p[k]).fold(start, pick))
+    };
+    [extreme(f64::INFINITY, f64::min), extreme(f64::NEG_INFINITY, f64::max)]
+}
+
+/// A convex polygon around all that the picture shows of the boxes between two depths, in pixels.
+fn outline(boxes: &[[Vec3; 8]], (low, high): (f64, f64), eye: &Eye, camera: &Camera) -> Vec<[f64; 2]> {
+    let [width, height] = camera.size.map(f64::from);
+    let everything = || vec![[-1.0, -1.0], [width + 1.0, -1.0], [width + 1.0, height + 1.0], [-1.0, height + 1.0]];
+    let depth = |p: &Vec3| dot(sub(*p, eye.anchor), eye.forward);
+    let mut points: Vec<[f64; 2]> = vec![];
+    for corners in boxes {
+        let mut held: Vec<Vec3> = corners.iter().copied().filter(|p| (low..=high).contains(&depth(p))).collect();
+        for (a, b) in edges() {
+            let (a, b) = (corners[a], corners[b]);
+            let (from, to) = (depth(&a), depth(&b));
+            for plane in [low, high] {
+                if (from - plane) * (to - plane) < 0.0 {
+                    held.push(add(a, scale(sub(b, a), (plane - from) / (to - from))));
+                }
+            }
+        }
+        for p in held {
+            let q = sub(p, eye.anchor);
+            let size = match camera.view {
+                View::Perspective { .. } => dot(q, eye.forward) + eye.plane,
+                View::Orthographic { .. } => 1.0,
+                View::Panorama => return everything(),
+            };
+            let along = |axis: &Vec3| dot(q, *axis) / (dot(*axis, *axis) * size);
+            let x = (along(&eye.right) * height + width) / 2.0;
+            let y = (1.0 - along(&eye.up)) * height / 2.0;
+            // Beside the eye, or so near that the picture is within it.
+            if size <= 0.0 || !(x.abs() < FARTHEST && y.abs() < FARTHEST) {
+                return everything();
+            }
+            points.extend([-MARGIN, MARGIN].iter().flat_map(|dx| [[x + dx, y - MARGIN], [x + dx, y + MARGIN]]));
+        }
+    }
+    hull(points)
+}
+
+/// The convex hull, by monotone chains (Andrew 1979); nothing of fewer than three points.
+fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    points.dedup();
+    if points.len() < 3 {
+        return vec![];
+    }
+    let turn = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
+        let mut chain: Vec<[f64; 2]> = vec![];
+        for p in points {
+            while let [.., a, b] = chain[..]
+                && turn(a, b, p) <= 0.0
+            {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut hull = chain(&mut points.iter().copied());
+    hull.extend(chain(&mut points.iter().rev().copied()));
+    hull
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube(low: f64, high: f64) -> [Vec3; 8] {
+        std::array::from_fn(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { low } else { high }))
+    }
+
+    fn camera(from: Vec3, view: View) -> Camera {
+        Camera { from, forward: [0.0, 0.0, 1.0], right: [-1.0, 0.0, 0.0], up: [0.0, 1.0, 0.0], view, size: [64, 48] }
+    }
+
+    fn inside(outline: &[[f32; 3]], slab: u32, x: f64, y: f64) -> bool {
+        outline.chunks(3).filter(|t| t[0][2] == slab as f32).any(|t| {
+            let side = |a: [f32; 3], b: [f32; 3]| {
+                let [a, b] = [a, b].map(|p| [f64::from(p[0]), f64::from(p[1])]);
+                (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
+            };
+            let sides = [side(t[0], t[1]), side(t[1], t[2]), side(t[2], t[0])];
+            sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
+        })
+    }
+
+    #[test]
+    fn outlines_hold_every_pixel_that_sees_the_slab() {
+        for (from, view) in [
+            ([0.3, 0.2, -4.0], View::Perspective { tangent: 0.4 }),
+            ([0.0, 0.0, 0.0], View::Perspective { tangent: 0.7 }),
+            ([0.1, -0.3, -1e6], View::Orthographic { half_height: 1.5 }),
+        ] {
+            let camera = camera(from, view);
+            let eye = Eye::new(&camera, Some(crate::frame::Ball { center: [0.0; 3], radius: 1.8 }));
+            let slabs = Slabs::of_view(&[cube(-1.0, 1.0)], &eye, &camera, 7);
+            assert_eq!(slabs.count, 7);
+            for j in 0..48 {
+                for i in 0..64 {
+                    let (origin, direction) = camera.ray(f64::from(i) + 0.5, f64::from(j) + 0.5);
+                    for slab in 0..7u32 {
+                        let middle = slabs.start + (f64::from(slab) + 0.5) * slabs.step;
+                        let t = (middle + dot(sub(eye.anchor, origin), eye.forward)) / dot(direction, eye.forward);
+                        let p = add(origin, scale(direction, t));
+                        if t > 0.0 && p.iter().all(|x| x.abs() <= 1.0) {
+                            let (x, y) = (f64::from(i) + 0.5, f64::from(j) + 0.5);
+                            assert!(inside(&slabs.outlines, slab, x, y), "{view:?} {slab} {i} {j}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slabs_are_ordered_from_far_to_near_and_tile_the_boxes() {
+        let camera = camera([0.0, 0.0, -4.0], View::Perspective { tangent: 0.4 });
+        let eye = Eye::new(&camera, None);
+        let slabs = Slabs::of_view(&[cube(-1.0, 0.0), cube(0.5, 1.0)], &eye, &camera, 16);
+        let order: Vec<f32> = slabs.outlines.iter().map(|v| v[2]).collect();
+        assert!(order.windows(2).all(|w| w[0] >= w[1]) && order[0] == 15.0 && order.last() == Some(&0.0));
+        assert!((slabs.start - 3.0).abs() < 1e-5 && (slabs.start + 16.0 * slabs.step - 5.0).abs() < 1e-5);
+        // Between the two boxes there is nothing to draw.
+        assert!(!slabs.outlines.iter().any(|v| v[2] == 10.0));
+    }
+
+    #[test]
+    fn nothing_is_drawn_of_what_lies_behind_the_eye() {
+        let camera = camera([0.0, 0.0, 4.0], View::Perspective { tangent: 0.4 });
+        let eye = Eye::new(&camera, None);
+        assert!(Slabs::of_view(&[cube(-1.0, 1.0)], &eye, &camera, 8).outlines.is_empty());
+    }
+}

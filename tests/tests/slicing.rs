@@ -1,0 +1,119 @@
+//! What slicing promises beyond what every backend does: blending in f32, any camera, and a clear word where it cannot draw.
+
+use compiler::Options;
+use compiler::ir::{Aa, Backend, Scattering};
+use runtime::frame::{Cause, EngineChoice, FileLoader, Params, Session, Settings};
+use std::path::Path;
+use tyndall_tests::codes_of;
+
+fn open(text: &str, options: Options, engine: EngineChoice) -> Option<Session> {
+    let settings = Settings { options, engine, ..Settings::default() };
+    match Session::open("scene.vol", text, &FileLoader::new(Path::new(".")), settings) {
+        Ok(session) => Some(session),
+        Err(trouble) if trouble.cause == Cause::Machine => {
+            runtime::engine::skip_without_adapter();
+            None
+        }
+        Err(trouble) => panic!("{}", compiler::diagnostic::render(&trouble.diagnostics, &trouble.sources)),
+    }
+}
+
+fn sliced() -> Options {
+    Options { backend: Some(Backend::Slicing), aa: Some(Aa::None), ..Options::default() }
+}
+
+/// Radiance and transmittance of every pixel.
+fn draw(text: &str, options: Options) -> Option<(Vec<f32>, Vec<f32>)> {
+    let mut session = open(text, options, EngineChoice::Gpu)?;
+    let params = Params::defaults(&session.program().lowered);
+    let drawing = session.draw(&params, 0.0, &|_| {}).expect("it can be drawn");
+    let picture = drawing.picture;
+    Some((picture.radiance().to_vec(), picture.transmittance().expect("it is asked for").to_vec()))
+}
+
+/// Slabs of opacity 1e-4 by the thousand: in 8 bits nothing would be left of them, in 16 bits two hundredths would be lost.
+#[test]
+fn four_thousand_thin_slabs_are_blended_without_loss() {
+    let text = "
+        medium veil {
+            shape = box(min: (-10, -10, 0) m, max: (10, 10, 1) m)
+            k_a = rgb(0.4096, 0.8, 0.1) / m
+            k_e = rgb(0.4096, 0.4, 0.2) * lx / m
+        }
+        camera { from = (0,0,-40) m  to = (0,0,0) m  projection = orthographic(height: 1 m) }
+        image { size = 4 x 4  aa = none }
+        render { backend = slicing  slices = 4096 }";
+    let Some((radiance, transmittance)) = draw(text, sliced()) else { return };
+    for (l, t) in radiance.chunks(3).zip(transmittance.chunks(3)) {
+        for (band, (k, e)) in [(0.4096f64, 0.4096f64), (0.8, 0.4), (0.1, 0.2)].into_iter().enumerate() {
+            let through = (-k).exp();
+            let (l, t) = (f64::from(l[band]), f64::from(t[band]));
+            assert!((t / through - 1.0).abs() < 1e-4, "T {t}, not {through}");
+            let light = e / k * (1.0 - through);
+            assert!((l / light - 1.0).abs() < 2e-4, "L {l}, not {light}");
+        }
+    }
+}
+
+const BLOB: &str = "
+    medium blob {
+        shape = difference(sphere(center: (0,0,0) m, radius: 1 m), box(min: (0,0,-2) m, max: (2,2,2) m))
+        k_a = rgb(1, 2, 0.5) / m * (1 + 0.5 * sin(4 * p.x / 1 m))
+        k_e = 2 lx / m * (1 + p.y / 2 m)
+    }
+    image { size = 24 x 18  aa = none  background = #203040 }
+";
+
+/// Every pixel of a camera against the ray marcher, both to an accuracy of their own.
+fn as_marched(camera: &str) {
+    let text = format!("{BLOB}{camera}");
+    let accuracy = Some(1e-3);
+    let Some((light, clear)) = draw(&text, Options { accuracy, ..sliced() }) else { return };
+    let marched = Options { accuracy, backend: Some(Backend::Raymarch), ..sliced() };
+    let (other_light, other_clear) = draw(&text, marched).expect("there is an adapter");
+    let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+    let (off, off_clear) = (worst(&light, &other_light), worst(&clear, &other_clear));
+    assert!(off <= 2e-3 && off_clear <= 2e-3, "{camera}: {off} and {off_clear}");
+    let dark = clear.iter().copied().fold(1.0, f32::min);
+    assert!(dark < 0.9, "{camera}: something is seen, {dark}");
+}
+
+#[test]
+fn perspectives_near_far_and_inside() {
+    as_marched("camera { from = (0.4, 0.3, -3) m  to = (0,0,0) m  fov = 60 deg }");
+    as_marched("camera { from = (-0.3, -0.2, 0.1) m  to = (-1, 0, 0) m  fov = 100 deg }");
+    as_marched("camera { from = (1e6, 2e5, 3e5) m  to = (0,0,0) m  fov = 0.0002 deg }");
+    // Grazing: along a face of the box that is taken away.
+    as_marched("camera { from = (0, 0.5, -3) m  to = (0, 0.5, 0) m  fov = 45 deg }");
+}
+
+#[test]
+fn orthographic_views_from_outside_and_within() {
+    as_marched("camera { from = (2, 2, -3) m  to = (0,0,0) m  projection = orthographic(height: 2.5 m) }");
+    as_marched("camera { from = (0, 0, 0) m  to = (-1, 0, 0.2) m  projection = orthographic(height: 2 m) }");
+}
+
+#[test]
+fn a_camera_that_looks_away_sees_the_background_alone() {
+    let text = format!("{BLOB}camera {{ from = (0, 0, -3) m  to = (0, 0, -9) m  fov = 40 deg }}");
+    let Some((light, clear)) = draw(&text, sliced()) else { return };
+    assert!(clear.iter().all(|t| *t == 1.0));
+    assert!(light.chunks(3).all(|l| l == &light[..3]) && light[2] > 0.0);
+}
+
+#[test]
+fn what_slabs_cannot_show_is_refused_with_what_can() {
+    let refused = |text: &str, options: Options| codes_of(text, &options) == ["E0530"];
+    assert!(!refused(BLOB, sliced()));
+    let fog = "fog { k = 0.1 /m  color = #fff }";
+    assert!(refused(fog, sliced()));
+    let panorama = format!("{BLOB}camera {{ from = (0,0,-3) m  to = (0,0,0) m  projection = panorama }}");
+    assert!(refused(&panorama, sliced()));
+    // A list of rays has no camera.
+    assert!(!refused(&panorama, Options { backend: Some(Backend::Slicing), ..Options::probe() }));
+    let lit = "
+        medium cloud { shape = sphere(center: (0,0,0) m, radius: 1 m)  k_s = 1 /m }
+        light sun { direction = (0,-1,0)  irradiance = 1 lx }";
+    assert!(!refused(lit, sliced()));
+    assert!(refused(lit, Options { scattering: Some(Scattering::Multiple), ..sliced() }));
+}
