@@ -197,6 +197,9 @@ impl Done {
         if let Some(paths) = drawing.paths {
             text += &format!("paths    {paths} of each pixel\n");
         }
+        if let Some(slabs) = drawing.slabs {
+            text += &format!("slabs    {slabs}\n");
+        }
         if let Some((error, share)) = drawing.predicted {
             let kind = drawing.error_kind.replace('-', " ");
             text +=
@@ -231,6 +234,7 @@ impl Done {
             "dispatches": drawing.dispatches,
             "evaluations": drawing.evaluations,
             "paths": drawing.paths,
+            "slabs": drawing.slabs,
             "nan": self.nan,
             "error": {
                 "kind": drawing.error_kind,

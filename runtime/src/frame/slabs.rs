@@ -68,12 +68,9 @@ impl Slabs {
             outlines.extend([corner(-1.0, -1.0), corner(wide, -1.0), corner(wide, 2.0)]);
             outlines.extend([corner(-1.0, -1.0), corner(wide, 2.0), corner(-1.0, 2.0)]);
         }
-        let mut bounds = bounds(boxes);
-        for k in 0..3 {
-            let slack = 1e-6 * (bounds[1][k] - bounds[0][k]);
-            bounds[0][k] -= slack;
-            bounds[1][k] += slack;
-        }
+        let [low, high] = bounds(boxes);
+        let slack: Vec3 = std::array::from_fn(|k| 1e-6 * (high[k] - low[k]));
+        let bounds = [sub(low, slack), add(high, slack)];
         Self { start: 0.0, step: 1.0, count, bounds, outlines }
     }
 }
