@@ -68,6 +68,9 @@ pub(crate) struct Schedule {
     /// Slabs that slicing cuts the media into, instead of `render.slices`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65535))]
     pub(crate) slices: Option<u32>,
+    /// Splats that splatting makes of the media, about, instead of `render.splats`
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    pub(crate) splats: Option<u32>,
     /// Paths of each pixel or ray with `scattering = multiple`, instead of `render.samples`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
@@ -84,6 +87,7 @@ impl Schedule {
             accuracy: self.accuracy,
             steps: self.steps,
             slices: self.slices,
+            splats: self.splats,
             samples: self.samples,
             ..options
         }

@@ -2,7 +2,7 @@
 
 use crate::backends::REGISTRY;
 use crate::check::hir;
-use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::diagnostic::Diagnostics;
 use crate::ir::{Backend, FieldScene, Scattering};
 use crate::loader::Loader;
 use crate::program::{Ledger, Program};
@@ -32,12 +32,7 @@ pub fn compile(name: &str, text: &str, loader: &dyn Loader, options: &Options) -
 }
 
 fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -> Option<Program> {
-    for finding in lower::pending(scene).0 {
-        // An explicit choice of backend takes the place of the scene's.
-        if !(options.backend.is_some() && finding.code == "E0906") {
-            diagnostics.push(finding);
-        }
-    }
+    diagnostics.0.extend(lower::pending(scene).0);
     let mut lowered = lower::lower_scaled(scene, diagnostics)?;
     if diagnostics.has_errors() {
         return None;
@@ -50,12 +45,7 @@ fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -
         Backend::Auto => Backend::Raymarch,
         other => other,
     };
-    let Some((_, _, build)) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted) else {
-        let there: Vec<&str> = REGISTRY.iter().map(|b| b.1).collect();
-        let message = format!("the backend `{wanted:?}` is not there yet").to_lowercase();
-        diagnostics.push(Diagnostic::error("E0906", message).hint(format!("there is `{}`", there.join("`, `"))));
-        return None;
-    };
+    let (_, _, build) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted).expect("every backend is registered");
     let (kernels, plan) = build(&mut optimised, options, &mut ledger, diagnostics)?;
     if diagnostics.has_errors() {
         return None;
@@ -70,10 +60,11 @@ fn apply(options: &Options, scene: &mut FieldScene) {
     render.scattering = options.scattering.unwrap_or(render.scattering);
     if let Some(accuracy) = options.accuracy {
         render.accuracy = accuracy;
-        (render.steps, render.slices, render.samples) = (None, None, None);
+        (render.steps, render.slices, render.splats, render.samples) = (None, None, None, None);
     }
     render.steps = options.steps.or(render.steps);
     render.slices = options.slices.or(render.slices);
+    render.splats = options.splats.or(render.splats);
     render.samples = options.samples.or(render.samples);
     scene.image.size = options.size.unwrap_or(scene.image.size);
     scene.image.aa = options.aa.unwrap_or(scene.image.aa);

@@ -18,7 +18,9 @@ pub struct Options {
     pub steps: Option<u32>,
     /// Instead of `render.slices`.
     pub slices: Option<u32>,
-    /// Instead of `render.accuracy`; also drops `render.steps`, `.slices` and `.samples` unless they are given too.
+    /// Instead of `render.splats`.
+    pub splats: Option<u32>,
+    /// Instead of `render.accuracy`; also drops `render.steps`, `.slices`, `.splats` and `.samples` unless they are given too.
     pub accuracy: Option<f64>,
     /// Instead of `render.scattering`.
     pub scattering: Option<Scattering>,
@@ -39,6 +41,7 @@ impl Default for Options {
             backend: None,
             steps: None,
             slices: None,
+            splats: None,
             accuracy: None,
             scattering: None,
             samples: None,

@@ -116,6 +116,34 @@ pub fn draw(path: &Path, session: &mut Session) -> Drawing {
     session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| fail(path, &t))
 }
 
+/// Opens a scene that names no files on the GPU; `None` where there is none.
+///
+/// # Panics
+/// If anything is wrong with the scene, or if the engine must be there.
+#[must_use]
+pub fn open_text(text: &str, options: Options) -> Option<Session> {
+    let settings = Settings { options, engine: EngineChoice::Gpu, ..Settings::default() };
+    match Session::open("scene.vol", text, &FileLoader::new(Path::new(".")), settings) {
+        Ok(session) => Some(session),
+        Err(trouble) if trouble.cause == Cause::Machine => {
+            runtime::engine::skip_without_adapter();
+            None
+        }
+        Err(trouble) => fail(Path::new("scene.vol"), &trouble),
+    }
+}
+
+/// Radiance and transmittance of every pixel of such a scene.
+///
+/// # Panics
+/// If it cannot be drawn.
+#[must_use]
+pub fn draw_text(text: &str, options: Options) -> Option<(Vec<f32>, Vec<f32>)> {
+    let mut session = open_text(text, options)?;
+    let picture = draw(Path::new("scene.vol"), &mut session).picture;
+    Some((picture.radiance().to_vec(), picture.transmittance().expect("it is asked for").to_vec()))
+}
+
 /// The expectations of a scene with the answers of an engine; `None` where the machine lacks the engine.
 ///
 /// # Panics

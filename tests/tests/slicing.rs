@@ -2,33 +2,10 @@
 
 use compiler::Options;
 use compiler::ir::{Aa, Backend, Scattering};
-use runtime::frame::{Cause, EngineChoice, FileLoader, Params, Session, Settings};
-use std::path::Path;
-use tyndall_tests::codes_of;
-
-fn open(text: &str, options: Options, engine: EngineChoice) -> Option<Session> {
-    let settings = Settings { options, engine, ..Settings::default() };
-    match Session::open("scene.vol", text, &FileLoader::new(Path::new(".")), settings) {
-        Ok(session) => Some(session),
-        Err(trouble) if trouble.cause == Cause::Machine => {
-            runtime::engine::skip_without_adapter();
-            None
-        }
-        Err(trouble) => panic!("{}", compiler::diagnostic::render(&trouble.diagnostics, &trouble.sources)),
-    }
-}
+use tyndall_tests::{codes_of, draw_text};
 
 fn sliced() -> Options {
     Options { backend: Some(Backend::Slicing), aa: Some(Aa::None), ..Options::default() }
-}
-
-/// Radiance and transmittance of every pixel.
-fn draw(text: &str, options: Options) -> Option<(Vec<f32>, Vec<f32>)> {
-    let mut session = open(text, options, EngineChoice::Gpu)?;
-    let params = Params::defaults(&session.program().lowered);
-    let drawing = session.draw(&params, 0.0, &|_| {}).expect("it can be drawn");
-    let picture = drawing.picture;
-    Some((picture.radiance().to_vec(), picture.transmittance().expect("it is asked for").to_vec()))
 }
 
 /// Slabs of opacity 1e-4 by the thousand: in 8 bits nothing would be left of them, in 16 bits two hundredths would be lost.
@@ -43,7 +20,7 @@ fn four_thousand_thin_slabs_are_blended_without_loss() {
         camera { from = (0,0,-40) m  to = (0,0,0) m  projection = orthographic(height: 1 m) }
         image { size = 4 x 4  aa = none }
         render { backend = slicing  slices = 4096 }";
-    let Some((radiance, transmittance)) = draw(text, sliced()) else { return };
+    let Some((radiance, transmittance)) = draw_text(text, sliced()) else { return };
     for (l, t) in radiance.chunks(3).zip(transmittance.chunks(3)) {
         for (band, (k, e)) in [(0.4096f64, 0.4096f64), (0.8, 0.4), (0.1, 0.2)].into_iter().enumerate() {
             let through = (-k).exp();
@@ -68,9 +45,9 @@ const BLOB: &str = "
 fn as_marched(camera: &str) {
     let text = format!("{BLOB}{camera}");
     let accuracy = Some(1e-3);
-    let Some((light, clear)) = draw(&text, Options { accuracy, ..sliced() }) else { return };
+    let Some((light, clear)) = draw_text(&text, Options { accuracy, ..sliced() }) else { return };
     let marched = Options { accuracy, backend: Some(Backend::Raymarch), ..sliced() };
-    let (other_light, other_clear) = draw(&text, marched).expect("there is an adapter");
+    let (other_light, other_clear) = draw_text(&text, marched).expect("there is an adapter");
     let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
     let (off, off_clear) = (worst(&light, &other_light), worst(&clear, &other_clear));
     assert!(off <= 2e-3 && off_clear <= 2e-3, "{camera}: {off} and {off_clear}");
@@ -96,7 +73,7 @@ fn orthographic_views_from_outside_and_within() {
 #[test]
 fn a_camera_that_looks_away_sees_the_background_alone() {
     let text = format!("{BLOB}camera {{ from = (0, 0, -3) m  to = (0, 0, -9) m  fov = 40 deg }}");
-    let Some((light, clear)) = draw(&text, sliced()) else { return };
+    let Some((light, clear)) = draw_text(&text, sliced()) else { return };
     assert!(clear.iter().all(|t| *t == 1.0));
     assert!(light.chunks(3).all(|l| l == &light[..3]) && light[2] > 0.0);
 }

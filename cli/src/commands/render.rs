@@ -200,6 +200,9 @@ impl Done {
         if let Some(slabs) = drawing.slabs {
             text += &format!("slabs    {slabs}\n");
         }
+        if let Some(splats) = drawing.splats {
+            text += &format!("splats   {splats}\n");
+        }
         if let Some((error, share)) = drawing.predicted {
             let kind = drawing.error_kind.replace('-', " ");
             text +=
@@ -235,6 +238,7 @@ impl Done {
             "evaluations": drawing.evaluations,
             "paths": drawing.paths,
             "slabs": drawing.slabs,
+            "splats": drawing.splats,
             "nan": self.nan,
             "error": {
                 "kind": drawing.error_kind,

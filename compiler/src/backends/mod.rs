@@ -2,6 +2,7 @@
 
 pub mod raymarch;
 pub mod slicing;
+pub mod splatting;
 
 use crate::Options;
 use crate::diagnostic::Diagnostics;
@@ -12,5 +13,8 @@ use crate::program::{Ledger, Plan, kernel::Kernel};
 pub type Build = fn(&mut FieldScene, &Options, &mut Ledger, &mut Diagnostics) -> Option<(Vec<Kernel>, Plan)>;
 
 /// Every backend, by the word of the language. Adding one is a line here.
-pub const REGISTRY: [(Backend, &str, Build); 2] =
-    [(Backend::Raymarch, "raymarch", raymarch::build), (Backend::Slicing, "slicing", slicing::build)];
+pub const REGISTRY: [(Backend, &str, Build); 3] = [
+    (Backend::Raymarch, "raymarch", raymarch::build),
+    (Backend::Slicing, "slicing", slicing::build),
+    (Backend::Splatting, "splatting", splatting::build),
+];

@@ -58,6 +58,9 @@ impl KernelBuilder {
             FrameValue::SlabCount => ("slab_count", 1, true),
             FrameValue::BoundsLow => ("bounds_low", 3, false),
             FrameValue::BoundsHigh => ("bounds_high", 3, false),
+            FrameValue::LatticeLow => ("lattice_low", 3, false),
+            FrameValue::LatticeSpacing => ("lattice_spacing", 1, false),
+            FrameValue::LatticeCounts => ("lattice_counts", 3, true),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
     }
@@ -134,6 +137,21 @@ impl KernelBuilder {
     /// Outlines of slabs.
     pub fn outlines(&mut self) -> u32 {
         self.resource("outlines", ResourceKind::ReadBuffer(Ty::F32), Binding::Outlines)
+    }
+
+    /// Coefficients of splats, to be written.
+    pub fn splats(&mut self) -> u32 {
+        self.resource("splats", ResourceKind::WriteBuffer(Ty::F32), Binding::Splats)
+    }
+
+    /// The same, to be read.
+    pub fn splats_read(&mut self) -> u32 {
+        self.resource("splats_read", ResourceKind::ReadBuffer(Ty::F32), Binding::SplatsRead)
+    }
+
+    /// The order in which splats are drawn.
+    pub fn order(&mut self) -> u32 {
+        self.resource("order", ResourceKind::ReadBuffer(Ty::U32), Binding::Order)
     }
 
     /// What was drawn into a target.

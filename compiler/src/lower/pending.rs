@@ -2,10 +2,10 @@
 
 use crate::check::hir::Scene;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Aa, Backend};
+use crate::ir::Aa;
 use crate::syntax::ast::BlockKind;
 
-/// Warnings for the parts of a scene that the picture leaves out, and errors for backends that do not exist yet.
+/// Warnings for the parts of a scene that the picture leaves out.
 #[must_use]
 pub fn pending(scene: &Scene) -> Diagnostics {
     let mut found = Diagnostics::default();
@@ -27,18 +27,6 @@ pub fn pending(scene: &Scene) -> Diagnostics {
             Diagnostic::warning(code, format!("the {what} `{}` {} not drawn yet", item.name, is(what)))
                 .at(item.span, "the picture is as if it were not there"),
         );
-    }
-    let backend = match scene.render.backend {
-        Backend::Auto | Backend::Raymarch | Backend::Slicing => None,
-        Backend::Splatting => Some(("E0906", "splatting")),
-    };
-    if let Some((code, name)) = backend {
-        let mut diagnostic = Diagnostic::error(code, format!("the backend `{name}` is not there yet"))
-            .hint("use `backend = raymarch`, `slicing` or `auto`");
-        if let Some(span) = scene.render.span {
-            diagnostic = diagnostic.at(span, "asked for here");
-        }
-        found.push(diagnostic);
     }
     let aa = match scene.image.aa {
         Aa::None | Aa::Analytic | Aa::Ssaa(_) => None,

@@ -9,8 +9,8 @@ mod verify_kernel;
 
 pub use ledger::{Ledger, Omission};
 pub use plan::{
-    Binding, Blend, Extent, Fault, FillPass, FrameValue, Output, OutputKind, Pass, Plan, RaySource, StepRule, Target,
-    UniformField, UniformLayout, UniformSource, texture_prim,
+    Binding, Blend, Extent, Fault, FillPass, FrameValue, Geometry, Output, OutputKind, Pass, Plan, PlantPass,
+    RaySource, SPLAT_CUT, StepRule, Target, UniformField, UniformLayout, UniformSource, texture_prim,
 };
 pub use print::{print_graphviz, print_ir, print_ledger, print_plan, print_scene};
 pub(crate) use reach::expressions;

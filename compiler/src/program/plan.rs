@@ -150,6 +150,12 @@ pub enum FrameValue {
     BoundsLow,
     /// vec3: its upper corner
     BoundsHigh,
+    /// vec3: the first node of the lattice of splats
+    LatticeLow,
+    /// f32: distance between its nodes
+    LatticeSpacing,
+    /// u32 × 3: nodes along each axis; number i is x + counts.x·(y + counts.y·z)
+    LatticeCounts,
 }
 
 /// One field of the uniform block. Layout is WGSL's: offsets in bytes.
@@ -222,6 +228,12 @@ pub enum Binding {
     /// Outlines of slabs: array of f32, three per vertex of a list of triangles: x and y in pixels of the picture, and the number
     /// of the slab. The farthest slab comes first.
     Outlines,
+    /// Coefficients of the splats at the nodes of the lattice: array of f32. Written to.
+    Splats,
+    /// The same, only read.
+    SplatsRead,
+    /// Numbers of nodes, the farthest first: array of u32.
+    Order,
     /// A target of [`Plan::targets`], by its number: what was drawn into it.
     Target(u32),
 }
@@ -257,6 +269,18 @@ pub enum Extent {
     Rays,
 }
 
+/// What is drawn.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Geometry {
+    /// The triangles of [`Binding::Outlines`].
+    Outlines,
+    /// Six corners for each entry of [`Binding::Order`], which is the instance.
+    Billboards,
+}
+
+/// What a billboard cuts off of a Gaussian's share of an optical depth: e^(−R²/2) for a reach of R = 4.5 deviations.
+pub const SPLAT_CUT: f64 = 4.0e-5;
+
 /// One dispatch or draw. Kernels are named by their number in the program.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum Pass {
@@ -267,8 +291,10 @@ pub enum Pass {
         /// Over what.
         extent: Extent,
     },
-    /// The triangles of [`Binding::Outlines`], in order, into all targets, which are cleared before.
+    /// Triangles, in order, into all targets, which are cleared before.
     Raster {
+        /// Which triangles.
+        geometry: Geometry,
         /// Of the corners.
         vertex: u32,
         /// Of the pixels.
@@ -281,7 +307,7 @@ impl Pass {
     pub fn kernels(&self) -> impl Iterator<Item = u32> + use<> {
         let (first, second) = match *self {
             Self::Compute { kernel, .. } => (kernel, None),
-            Self::Raster { vertex, fragment } => (vertex, Some(fragment)),
+            Self::Raster { vertex, fragment, .. } => (vertex, Some(fragment)),
         };
         [Some(first), second].into_iter().flatten()
     }
@@ -296,6 +322,16 @@ pub struct FillPass {
     pub nodes: u32,
     /// Numbers that the cache holds.
     pub floats: u32,
+}
+
+/// A pass that finds what is at the nodes of the lattice of splats. Node `TileOrigin.x + i` is invocation `i` of `RayCount`.
+/// For a list of rays, all of them go along `CameraForward`.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct PlantPass {
+    /// Which of the program's kernels.
+    pub kernel: u32,
+    /// f32 of a node in [`Binding::Splats`].
+    pub stride: u32,
 }
 
 /// How steps are chosen.
@@ -317,6 +353,13 @@ pub enum StepRule {
         /// What shadows within a slab are stepped to.
         accuracy: f64,
     },
+    /// About this many Gaussians on a lattice around the media, or as many as it takes, likewise.
+    Splats {
+        /// How many; `None` is as many as it takes.
+        count: Option<u32>,
+        /// What shadows are stepped to.
+        accuracy: f64,
+    },
 }
 
 impl StepRule {
@@ -324,7 +367,7 @@ impl StepRule {
     #[must_use]
     pub fn accuracy(self) -> Option<f64> {
         match self {
-            Self::Adaptive(accuracy) | Self::Slabs { accuracy, .. } => Some(accuracy),
+            Self::Adaptive(accuracy) | Self::Slabs { accuracy, .. } | Self::Splats { accuracy, .. } => Some(accuracy),
             Self::Closed | Self::Fixed(_) | Self::Paths(_) => None,
         }
     }
@@ -357,6 +400,8 @@ pub struct Plan {
     pub steps: StepRule,
     /// What is worked out once for each picture.
     pub fill: Option<FillPass>,
+    /// What finds the splats, once for each picture and after `fill`.
+    pub plant: Option<PlantPass>,
     /// Samples per pixel.
     pub samples: u32,
     /// Most evaluations a ray of the camera is expected to need: for the size of tiles.

@@ -1,6 +1,6 @@
 //! Programs as text: `vol emit --target ir|graph|plan` and the omission ledger.
 
-use super::{Binding, Blend, Extent, Ledger, Pass, Plan, Program, RaySource, StepRule, UniformSource};
+use super::{Binding, Blend, Extent, Geometry, Ledger, Pass, Plan, Program, RaySource, StepRule, UniformSource};
 use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op, print};
 use crate::source::Sources;
 use std::fmt::Write as _;
@@ -128,6 +128,10 @@ pub fn print_plan(program: &Program) -> String {
         StepRule::Slabs { count: Some(n), .. } => {
             writeln!(out, "slabs {n}, midpoint rule with the exact exponential in each")
         }
+        StepRule::Splats { count: None, .. } => {
+            writeln!(out, "splats until a lattice of twice as many changes nothing by more than the accuracy")
+        }
+        StepRule::Splats { count: Some(n), .. } => writeln!(out, "splats {n}, Gaussians on a lattice"),
         StepRule::Adaptive(a) => writeln!(out, "steps by local error control to accuracy {a:e}"),
     };
     let _ = writeln!(out, "bands {}", bands(scene));
@@ -159,6 +163,9 @@ pub fn print_plan(program: &Program) -> String {
             Binding::Notes => format!("buffer of notes, {} f32 each", plan.notes),
             Binding::NotesRead => "the same, only read".into(),
             Binding::Outlines => "buffer of outlines, 3 f32 a vertex".into(),
+            Binding::Splats => format!("buffer of splats, {} f32 each", plan.plant.map_or(0, |p| p.stride)),
+            Binding::SplatsRead => "the same, only read".into(),
+            Binding::Order => "buffer of the numbers of splats, farthest first".into(),
             Binding::Target(i) => format!("target {}", plan.targets[*i as usize].name),
         };
         let _ = writeln!(out, "    {i} {what}");
@@ -178,6 +185,10 @@ pub fn print_plan(program: &Program) -> String {
         let kernel = &program.kernels[fill.kernel as usize].name;
         let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
     }
+    if let Some(plant) = plan.plant {
+        let _ =
+            writeln!(out, "    {} once, over the nodes of the lattice", program.kernels[plant.kernel as usize].name);
+    }
     for pass in &plan.passes {
         let name = |kernel: &u32| &program.kernels[*kernel as usize].name;
         let _ = match pass {
@@ -188,8 +199,12 @@ pub fn print_plan(program: &Program) -> String {
                 };
                 writeln!(out, "    {} over {over}", name(kernel))
             }
-            Pass::Raster { vertex, fragment } => {
-                writeln!(out, "    {} and {} draw the outlines of slabs, farthest first", name(vertex), name(fragment))
+            Pass::Raster { vertex, fragment, geometry } => {
+                let what = match geometry {
+                    Geometry::Outlines => "the outlines of slabs",
+                    Geometry::Billboards => "a billboard for each splat",
+                };
+                writeln!(out, "    {} and {} draw {what}, farthest first", name(vertex), name(fragment))
             }
         };
     }

@@ -20,11 +20,15 @@ impl Tracer<'_> {
         let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
-            StepRule::Slabs { .. } if matches!(self.walk, Walk::Eye) => {
+            StepRule::Slabs { .. } | StepRule::Splats { .. } if matches!(self.walk, Walk::Eye) => {
                 let middle = (segment.a.clone() + segment.b.clone()) * 0.5;
                 self.midpoint(code, state, media, &segment.ray, middle, &length);
             }
-            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => {
+            StepRule::Closed
+            | StepRule::Adaptive(_)
+            | StepRule::Paths(_)
+            | StepRule::Slabs { .. }
+            | StepRule::Splats { .. } => {
                 self.march_adaptive(code, state, media, segment, &length, &reach);
             }
         }

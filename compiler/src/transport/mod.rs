@@ -4,10 +4,12 @@
 //! [`Scene`] is what must be known of a scene; [`Tracer`] writes the functions of a ray from it; [`rays`]
 //! makes the rays of a camera or a list, [`edges`] finds silhouettes in pixels.
 
+pub(crate) mod aim;
 mod cache;
 mod closed;
 pub(crate) mod edges;
 mod endless;
+pub(crate) mod layers;
 mod light;
 mod march;
 mod matter;
@@ -15,6 +17,7 @@ mod paths;
 mod project;
 pub(crate) mod rays;
 pub(crate) mod records;
+pub(crate) mod resolve;
 mod sample;
 mod shapes;
 pub(crate) mod slab;

@@ -105,7 +105,11 @@ impl Tracer<'_> {
         let length = code.bind("length", Ty::F32, b - a.clone());
         let count = match self.rule {
             StepRule::Fixed(_) => self.builder.frame(FrameValue::Steps).convert(crate::program::kernel::Prim::F32),
-            StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => {
+            StepRule::Closed
+            | StepRule::Adaptive(_)
+            | StepRule::Paths(_)
+            | StepRule::Slabs { .. }
+            | StepRule::Splats { .. } => {
                 let cell = self.data_cell();
                 let cap = self.builder.frame(FrameValue::MaxWork).convert(crate::program::kernel::Prim::F32);
                 // A surface that a ray only grazes is missed between samples on the same side of it.

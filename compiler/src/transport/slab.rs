@@ -6,12 +6,12 @@
 
 use super::shapes::{FAR, Ray};
 use super::sheets::Nearest;
-use super::trace::{State, Stretch, Traced, Tracer};
+use super::trace::{State, Stretch, Traced, Tracer, widen};
 use crate::fields::Code;
 use crate::program::kernel::{Expr, Function, FunctionId, Ty};
 use crate::program::{FillPass, Ledger};
 
-/// What a slab gives, in this order where it is there.
+/// What a piece of a ray gives, in this order where it is there.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
     /// Light towards the eye, in lx.
@@ -26,25 +26,30 @@ pub(crate) enum Part {
     Fault,
 }
 
-/// The functions of a ray in slabs.
-pub(crate) struct Slabs {
-    /// `slab(origin, direction, from, to)`.
-    pub(crate) slab: FunctionId,
+/// The functions of a ray in pieces, which are blended.
+pub(crate) struct Pieces {
+    /// `slab(origin, direction, from, to)`, or of splats.
+    pub(crate) piece: FunctionId,
     pub(crate) result: Ty,
     /// Its fields, with their types.
     pub(crate) parts: Vec<(Part, Ty)>,
     /// `nearest`: where a surface ends the ray.
     nearest: Option<Nearest>,
-    /// `whole(origin, direction, start, fault_at, parts …)`: the outputs, from the sums of all slabs. Without `fault_at` where
+    /// `whole(origin, direction, start, fault_at, parts …)`: the outputs, from the sums of all pieces. Without `fault_at` where
     /// there are no faults.
     pub(crate) whole: Traced,
+    /// `footprint(coefficients …, length)`: what a stretch of this length with the extinction and emission in the order of
+    /// `parts` sends and lets through.
+    pub(crate) footprint: FunctionId,
+    /// `means(coefficients …, length)`: the same backwards, from what a stretch sends and lets through to emission and extinction.
+    pub(crate) means: FunctionId,
     /// `through_box(origin, direction, low, high)`: where a ray is inside a box.
     pub(crate) through_box: FunctionId,
     /// What fills the cache of light, and its entry point.
     pub(crate) fill: Option<(FillPass, Function)>,
 }
 
-impl Slabs {
+impl Pieces {
     /// Where the ray ends: at a surface, or never.
     pub(crate) fn end(&self, code: &mut Code, origin: &Expr, direction: &Expr, start: &Expr) -> Expr {
         let Some(nearest) = self.nearest else { return Expr::F32(FAR) };
@@ -52,7 +57,7 @@ impl Slabs {
         code.bind("hit", nearest.result, Expr::Call(nearest.function, arguments)).field(0)
     }
 
-    /// Where a part stands in the result of `slab`.
+    /// Where a part stands in the result of `piece`.
     pub(crate) fn place(&self, part: Part) -> Option<u32> {
         self.parts.iter().position(|p| p.0 == part).map(|i| i as u32)
     }
@@ -60,7 +65,7 @@ impl Slabs {
 
 impl Tracer<'_> {
     /// Writes them.
-    pub(crate) fn write_slabs(mut self, ledger: &mut Ledger) -> Slabs {
+    pub(crate) fn write_slabs(mut self, ledger: &mut Ledger) -> Pieces {
         let sdfs = self.sdfs();
         let fill = self.write_light(&sdfs, ledger);
         let reflected = self.write_reflected();
@@ -91,6 +96,9 @@ impl Tracer<'_> {
         let result = self.builder.add_struct("Slab", fields);
         code.return_(Expr::Compose(result, values));
         let slab = self.builder.add_function(code.finish(Some(result)));
+        let given: Vec<_> = there.iter().map(|t| (t.0, t.2)).collect();
+        let footprint = self.write_footprint(&given, result, false);
+        let means = self.write_footprint(&given, result, true);
         let nearest = self.nearest;
         let through_box = self.spans.boxes(self.builder);
 
@@ -101,7 +109,7 @@ impl Tracer<'_> {
         let mut sums = [None; 5];
         for (slot, (_, var, ty, name)) in sums.iter_mut().zip(all) {
             *slot = var.map(|_| {
-                let given = code.parameter(&format!("{name}_of_slabs"), ty);
+                let given = code.parameter(&format!("{name}_of_all"), ty);
                 code.var(name, ty, given)
             });
         }
@@ -114,6 +122,47 @@ impl Tracer<'_> {
         });
         let whole = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
         let parts = there.into_iter().map(|(part, _, ty, _)| (part, ty)).collect();
-        Slabs { slab, result, parts, nearest, whole, through_box, fill }
+        Pieces { piece: slab, result, parts, nearest, whole, footprint, means, through_box, fill }
+    }
+
+    fn write_footprint(&mut self, parts: &[(Part, Ty)], result: Ty, back: bool) -> FunctionId {
+        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
+        let mut code = Code::new(if back { "means" } else { "footprint" }, None);
+        let mut given = |part: Part, name: &str| {
+            let ty = parts.iter().find(|p| p.0 == part)?.1;
+            Some(code.parameter(name, ty))
+        };
+        let names = if back { ["light", "depth"] } else { ["emission", "extinction"] };
+        let (first, second) = (given(Part::Light, names[0]), given(Part::Depth, names[1]));
+        let length = code.parameter("length", Ty::F32);
+        let by = |value: Expr, width: u8| {
+            let length = length.clone().splat(width);
+            if back { value / length } else { value * length }
+        };
+        let depth = second.clone().map(|k| code.bind("along", Ty::float(dw), by(k, dw)));
+        let light = first.map(|e| {
+            let light = by(e, lw);
+            // Light that is attenuated on its way out of the stretch, by the depth of all of it.
+            match if back { &second } else { &depth } {
+                Some(depth) => {
+                    let mean = self.attenuated(&mut code, depth.clone(), dw);
+                    let mean = widen(mean, dw, lw);
+                    if back { light / mean.max(Expr::F32(1e-30).splat(lw)) } else { light * mean }
+                }
+                None => light,
+            }
+        });
+        let value = |(part, ty): &(Part, Ty)| match part {
+            Part::Light => light.clone().expect("it is there"),
+            Part::Depth => depth.clone().expect("it is there"),
+            Part::Error => Expr::F32(0.0),
+            Part::Work | Part::Fault => {
+                debug_assert_eq!(*ty, Ty::U32);
+                Expr::U32(0)
+            }
+        };
+        let values: Vec<Expr> = if parts.is_empty() { vec![Expr::F32(0.0)] } else { parts.iter().map(value).collect() };
+        code.return_(Expr::Compose(result, values));
+        self.builder.add_function(code.finish(Some(result)))
     }
 }

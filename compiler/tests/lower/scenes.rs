@@ -3,7 +3,7 @@
 use crate::build::*;
 use crate::{Place, close, codes, here, in_units, metres, value};
 use compiler::check::hir::*;
-use compiler::ir::{self, Aa, Backend, FieldScene, Units, print};
+use compiler::ir::{self, Aa, FieldScene, Units, print};
 use compiler::lower::{choose_units, lower_scaled, pending};
 use compiler::syntax::ast::{BinaryOp, BlockKind};
 
@@ -219,12 +219,10 @@ fn what_is_not_there_yet_is_said() {
     for (kind, name) in [(BlockKind::Text, "title"), (BlockKind::Style, "caption"), (BlockKind::Splats, "room")] {
         scene.pending.push(Pending { kind, name: name.into(), span: span(2) });
     }
-    scene.render.backend = Backend::Slicing;
     scene.image.aa = Aa::Smaa;
     assert_eq!(found(&scene), ["W0903", "W0904", "W0907"]);
-    scene.render.backend = Backend::Splatting;
     scene.image.aa = Aa::Ssaa(4);
-    assert_eq!(found(&scene), ["W0903", "W0904", "E0906"]);
+    assert_eq!(found(&scene), ["W0903", "W0904"]);
     let sources = {
         let mut sources = compiler::source::Sources::default();
         sources.add("scene.vol", "abcdef\n");

@@ -41,6 +41,8 @@ pub struct Frame {
     pub grids: Vec<Range>,
     /// For slicing.
     pub slabs: super::Slabs,
+    /// For splatting.
+    pub lattice: super::Lattice,
 }
 
 impl Frame {

@@ -69,7 +69,7 @@ pub(super) fn build(
         StepRule::Closed => 1,
         StepRule::Fixed(n) => n,
         StepRule::Adaptive(_) => 512,
-        StepRule::Paths(_) | StepRule::Slabs { .. } => 256,
+        StepRule::Paths(_) | StepRule::Slabs { .. } | StepRule::Splats { .. } => 256,
     };
     let plan = Plan {
         backend: "raymarch",
@@ -84,6 +84,7 @@ pub(super) fn build(
         repeats: 1,
         steps: rule,
         fill,
+        plant: None,
         samples,
         work_per_ray: work_per_ray * samples,
     };

@@ -6,8 +6,6 @@
 //! and `slice` draw the slabs; `resolve` puts what lies behind the media behind them and writes records. Light is blended
 //! per band with the band's own transmittance, in f32; optical depths are summed and never multiplied up as transmittances.
 
-mod aim;
-mod resolve;
 mod slice;
 
 use crate::Options;
@@ -15,29 +13,10 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Extent, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
-use crate::transport::{Scene, Tracer, records};
-
-/// The rays through a pixel, one after another.
-#[derive(Copy, Clone, Debug, PartialEq, Eq)]
-enum Rays {
-    /// Through its centre, or one of a list.
-    One,
-    /// At as many points of it.
-    Spread(u32),
-    /// Two, on the two sides of an edge, weighed by what they cover.
-    Divided,
-}
-
-impl Rays {
-    fn count(self) -> u32 {
-        match self {
-            Self::One => 1,
-            Self::Spread(n) => n,
-            Self::Divided => 2,
-        }
-    }
-}
+use crate::program::{Extent, Geometry, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::transport::aim::{self, Rays};
+use crate::transport::layers::Layers;
+use crate::transport::{Scene, Tracer, records, resolve};
 
 /// Kernels and plan of a scene.
 pub(super) fn build(
@@ -64,17 +43,13 @@ pub(super) fn build(
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = records::samples(aa, options.rays, ledger);
     let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
-    let rays = match (samples, divided) {
-        (_, true) => Rays::Divided,
-        (1, false) => Rays::One,
-        (n, false) => Rays::Spread(n),
-    };
+    let rays = Rays::new(samples, divided);
     let mut builder = KernelBuilder::default();
     let tracer = Tracer::new(scene, &seen, &mut builder, rule, records::wanted(&options.outputs));
     let slabs = tracer.write_slabs(ledger);
     let edge = divided && options.outputs.contains(&OutputKind::Edge);
     let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
-    let layers = slice::Layers::new(&slabs);
+    let layers = Layers::new(&slabs);
     let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, rays);
     let (outline, slice) = slice::entries(&mut builder, &slabs, &layers);
     let resolve = resolve::entry(&mut builder, &slabs, &layers, (options.rays, rays, edge), stride);
@@ -102,7 +77,7 @@ pub(super) fn build(
         uniforms,
         passes: vec![
             Pass::Compute { kernel: 0, extent },
-            Pass::Raster { vertex: 1, fragment: 2 },
+            Pass::Raster { vertex: 1, fragment: 2, geometry: Geometry::Outlines },
             Pass::Compute { kernel: 3, extent },
         ],
         targets: layers.targets,
@@ -110,6 +85,7 @@ pub(super) fn build(
         repeats: rays.count(),
         steps: rule,
         fill,
+        plant: None,
         samples,
         work_per_ray: count.unwrap_or(256),
     };

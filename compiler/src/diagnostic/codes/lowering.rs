@@ -191,9 +191,9 @@ more sizes matter than could be summed. Lobes and colours are right on the whole
         code: "E0530",
         title: "a backend cannot draw this",
         explanation: "\
-Every backend draws the same meaning, but not each can draw every scene. Slicing cuts media into slabs across the view, so \
-it needs media with an end, a perspective or orthographic camera, and light that is scattered at most once; it does not \
-project data (`composite`). The ray marcher draws all of these:
+Every backend draws the same meaning, but not each can draw every scene. Slicing cuts media into slabs across the view, and \
+splatting makes Gaussians on a lattice of them, so both need media with an end, a perspective or orthographic camera, and \
+light that is scattered at most once; they do not project data (`composite`). The ray marcher draws all of these:
 
 ```vol
 render { backend = raymarch }

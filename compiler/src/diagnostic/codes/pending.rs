@@ -14,11 +14,6 @@ pub(super) const CODES: &[CodeInfo] = &[
         explanation: "`splats` are checked, but nothing of them is in the picture.",
     },
     CodeInfo {
-        code: "E0906",
-        title: "the backend `splatting` is not there yet",
-        explanation: "Write `backend = raymarch`, `slicing`, or `auto`, which picks what there is.",
-    },
-    CodeInfo {
         code: "W0907",
         title: "this anti-aliasing is not there yet",
         explanation: "`none`, `analytic` and `ssaa(n)` are drawn as asked for; `msaa(n)`, `fxaa`, `smaa` and `taa` are drawn as \

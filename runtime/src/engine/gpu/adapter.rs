@@ -10,6 +10,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub(super) const TILE_BYTES: u64 = 32 << 20;
 /// Pixels of the largest tile that is drawn into, on an axis: what every adapter takes.
 pub(super) const TARGET_SIDE: u32 = 8192;
+/// Bytes of the splats of a picture: what every adapter takes.
+const SPLAT_BYTES: u64 = 128 << 20;
 
 /// Which adapter is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -190,7 +192,16 @@ impl Needs {
                     needs.storage_bytes = needs.storage_bytes.max(4 * floats);
                 }
                 Binding::Target(_) => needs.textures += 1,
-                Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead | Binding::Outlines => {
+                Binding::Splats | Binding::SplatsRead => {
+                    needs.storage_buffers += 1;
+                    needs.storage_bytes = needs.storage_bytes.max(SPLAT_BYTES);
+                }
+                Binding::Rays
+                | Binding::Records
+                | Binding::Notes
+                | Binding::NotesRead
+                | Binding::Outlines
+                | Binding::Order => {
                     needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(TILE_BYTES);
                 }
@@ -200,7 +211,8 @@ impl Needs {
             needs.targets[0] += 1;
             needs.targets[1] += u32::from(target.channels) * 4;
         }
-        let kernels = program.plan.passes.iter().flat_map(Pass::kernels).chain(program.plan.fill.map(|f| f.kernel));
+        let kernels = program.plan.passes.iter().flat_map(Pass::kernels);
+        let kernels = kernels.chain(program.plan.fill.map(|f| f.kernel)).chain(program.plan.plant.map(|p| p.kernel));
         for kernel in kernels {
             let size = program.kernels[kernel as usize].workgroup();
             needs.invocations = needs.invocations.max(size.iter().product());

@@ -3,14 +3,14 @@
 use super::adapter::{Gpu, TARGET_SIDE, TILE_BYTES};
 use super::errors::{GpuError, GpuErrorKind};
 use super::pipelines::Pipelines;
-use super::readback::{Flight, Slot};
+use super::readback::{Flight, Once, Slot};
 use super::resources::{Resources, SceneData};
 use super::tiles::{Pace, Walk};
 use super::uniforms::{Block, Part};
 use crate::frame::Frame;
 use compiler::emit::Shader;
 use compiler::ir::eval::Tables;
-use compiler::program::{Binding, FillPass, Pass, Program, RaySource};
+use compiler::program::{Binding, Pass, Program, RaySource};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -170,19 +170,19 @@ impl Prepared {
         Block::new(&self.program, frame, tables)
     }
 
-    /// Fills the cache, in dispatches that are short enough for watchdogs.
-    fn fill(&mut self, block: &mut Block, fill: FillPass) -> Result<(), GpuError> {
+    /// Runs what runs once for a picture over some nodes, in dispatches that are short enough for watchdogs.
+    fn once(&mut self, block: &mut Block, once: Once, nodes: u32) -> Result<(), GpuError> {
         // A first guess of what a dispatch can do in a tenth of a second, corrected by what each one took.
         let (mut first, mut count) = (0u32, 4096u32);
         if self.slots.is_empty() {
             self.slots.push(Slot::new(&self.gpu, &self.program, &self.pipelines, &self.resources, 1)?);
         }
-        while first < fill.nodes {
-            let rays = count.min(fill.nodes - first);
+        while first < nodes {
+            let rays = count.min(nodes - first);
             let part = Part { origin: [first, 0], size: [rays, 1], rays };
             let started = Instant::now();
             let with = (&self.pipelines, &self.resources);
-            self.slots[0].fill(&self.gpu, &self.program, with, (fill.kernel, rays), block.part(part, 0))?;
+            self.slots[0].fill(&self.gpu, &self.program, with, (once, rays), block.part(part, 0))?;
             let seconds = started.elapsed().as_secs_f64().max(1e-6);
             first += rays;
             let ideal = f64::from(rays) * 0.1 / seconds;
@@ -204,8 +204,21 @@ impl Prepared {
         if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs.outlines) {
             self.slots.clear();
         }
+        if let Some(plant) = self.program.plan.plant {
+            let most = self.gpu.limits().max_storage_buffer_binding_size;
+            if u64::from(frame.lattice.len()) * u64::from(plant.stride) * 4 > most {
+                let message = format!("{} splats are more than this adapter holds", frame.lattice.len());
+                return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("ask for fewer `splats`"));
+            }
+            if self.resources.write_order(&self.gpu, &frame.lattice.order, plant.stride) {
+                self.slots.clear();
+            }
+        }
         if let Some(fill) = self.program.plan.fill {
-            self.fill(&mut block, fill)?;
+            self.once(&mut block, Once::Fill, fill.nodes)?;
+        }
+        if self.program.plan.plant.is_some() {
+            self.once(&mut block, Once::Plant, frame.lattice.len())?;
         }
         let plan = &self.program.plan;
         let record = u64::from(plan.stride.max(plan.notes).max(1)) * 4;

@@ -45,7 +45,8 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
             multisampled: false,
         },
         Binding::Table(_) | Binding::Mesh(_) | Binding::Rays | Binding::NotesRead | Binding::Outlines => storage(true),
-        Binding::Cache | Binding::Records | Binding::Notes => storage(false),
+        Binding::SplatsRead | Binding::Order => storage(true),
+        Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats => storage(false),
         Binding::Target(_) => wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },
             view_dimension: wgpu::TextureViewDimension::D2,
@@ -76,6 +77,7 @@ pub(super) struct Pipelines {
     /// As the plan's.
     pub(super) passes: Vec<Step>,
     pub(super) fill: Option<Step>,
+    pub(super) plant: Option<Step>,
 }
 
 /// The format of a target.
@@ -218,14 +220,15 @@ impl Pipelines {
         let compiler = Compiler { gpu, program, modules, bindings };
         let pass = |pass: &Pass| match *pass {
             Pass::Compute { kernel, .. } => compiler.compute(kernel),
-            Pass::Raster { vertex, fragment } => compiler.raster(vertex, fragment),
+            Pass::Raster { vertex, fragment, .. } => compiler.raster(vertex, fragment),
         };
         let passes = program.plan.passes.iter().map(pass).collect::<Result<_, _>>()?;
         let fill = program.plan.fill.map(|fill| compiler.compute(fill.kernel)).transpose()?;
+        let plant = program.plan.plant.map(|plant| compiler.compute(plant.kernel)).transpose()?;
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { passes, fill })
+        Ok(Self { passes, fill, plant })
     }
 }
 

@@ -6,7 +6,7 @@ use super::errors::GpuError;
 use super::pipelines::{Pipeline, Pipelines, Step, target_format};
 use super::resources::Resources;
 use super::uniforms::{Block, Part};
-use compiler::program::{Binding, Extent, Pass, Program};
+use compiler::program::{Binding, Extent, Geometry, Pass, Program};
 use std::sync::mpsc;
 use std::time::Instant;
 
@@ -41,6 +41,7 @@ struct Targets {
 struct Groups {
     passes: Vec<wgpu::BindGroup>,
     fill: Option<wgpu::BindGroup>,
+    plant: Option<wgpu::BindGroup>,
 }
 
 /// A dispatch that has been submitted.
@@ -52,6 +53,13 @@ pub(super) struct Flight {
     index: wgpu::SubmissionIndex,
     floats: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+}
+
+/// A pass that runs once for each picture, before its tiles.
+#[derive(Copy, Clone, Debug)]
+pub(super) enum Once {
+    Fill,
+    Plant,
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -101,7 +109,7 @@ impl Slot {
             stamps,
             notes,
             targets: Targets::default(),
-            groups: Groups { passes: vec![], fill: None },
+            groups: Groups { passes: vec![], fill: None, plant: None },
         };
         if plan.targets.is_empty() {
             slot.groups = slot.bind(gpu, program, pipelines, resources);
@@ -129,6 +137,8 @@ impl Slot {
                 Binding::Mesh(_) => meshes.next().map(wgpu::Buffer::as_entire_binding),
                 Binding::Table(_) => tables.next().map(|(_, b, _)| b.as_entire_binding()),
                 Binding::Outlines => resources.outlines.as_ref().map(|o| o.0.as_entire_binding()),
+                Binding::Order => resources.order.as_ref().map(|o| o.0.as_entire_binding()),
+                Binding::Splats | Binding::SplatsRead => whole(&resources.splats),
                 Binding::Target(i) => self.targets.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
             })
             .collect();
@@ -146,7 +156,11 @@ impl Slot {
                 entries: &entries,
             })
         };
-        Groups { passes: pipelines.passes.iter().map(group).collect(), fill: pipelines.fill.as_ref().map(group) }
+        Groups {
+            passes: pipelines.passes.iter().map(group).collect(),
+            fill: pipelines.fill.as_ref().map(group),
+            plant: pipelines.plant.as_ref().map(group),
+        }
     }
 
     /// Makes targets for a tile of this size, unless those there are hold it.
@@ -179,13 +193,13 @@ impl Slot {
         invocations * u64::from(program.plan.stride.max(1)) * 4 <= self.capacity
     }
 
-    /// Runs a part of the pass that fills the cache, and waits for it.
+    /// Runs a part of the pass that fills the cache, or of the one that plants splats, and waits for it.
     pub(super) fn fill(
         &mut self,
         gpu: &Gpu,
         program: &Program,
         (pipelines, resources): (&Pipelines, &Resources),
-        (kernel, nodes): (u32, u32),
+        (once, nodes): (Once, u32),
         block: &[u8],
     ) -> Result<(), GpuError> {
         self.hold(gpu, program, (pipelines, resources), [1, 1]);
@@ -193,8 +207,12 @@ impl Slot {
             gpu.queue.write_buffer(uniforms, 0, block);
         }
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("fill") });
-        if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group)) =
-            (&pipelines.fill, &self.groups.fill)
+        let (step, group, kernel) = match once {
+            Once::Fill => (&pipelines.fill, &self.groups.fill, program.plan.fill.map(|f| f.kernel)),
+            Once::Plant => (&pipelines.plant, &self.groups.plant, program.plan.plant.map(|p| p.kernel)),
+        };
+        if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group), Some(kernel)) =
+            (step, group, kernel)
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_bind_group(0, group, &[]);
@@ -297,7 +315,7 @@ impl Slot {
                 pass.set_pipeline(pipeline);
                 pass.dispatch_workgroups(groups[0], groups[1], 1);
             }
-            (Pipeline::Raster(pipeline), Pass::Raster { .. }) => {
+            (Pipeline::Raster(pipeline), Pass::Raster { geometry, .. }) => {
                 let attachment = |view| {
                     Some(wgpu::RenderPassColorAttachment {
                         view,
@@ -327,8 +345,10 @@ impl Slot {
                 pass.set_scissor_rect(0, 0, width, height);
                 pass.set_bind_group(0, group, &[]);
                 pass.set_pipeline(pipeline);
-                let corners = resources.outlines.as_ref().map_or(0, |o| o.1);
-                pass.draw(0..corners, 0..1);
+                match geometry {
+                    Geometry::Outlines => pass.draw(0..resources.outlines.as_ref().map_or(0, |o| o.1), 0..1),
+                    Geometry::Billboards => pass.draw(0..6, 0..resources.order.as_ref().map_or(0, |o| o.1)),
+                }
             }
             // Pipelines are made from the plan's passes, one by one.
             (Pipeline::Compute(_), Pass::Raster { .. }) | (Pipeline::Raster(_), Pass::Compute { .. }) => {}

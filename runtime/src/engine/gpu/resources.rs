@@ -43,11 +43,23 @@ pub(super) struct Resources {
     pub(super) cache: Option<wgpu::Buffer>,
     /// Outlines of slabs, and how many corners there are.
     pub(super) outlines: Option<(wgpu::Buffer, u32)>,
+    /// Numbers of splats in their order, and how many there are.
+    pub(super) order: Option<(wgpu::Buffer, u32)>,
+    /// Their coefficients.
+    pub(super) splats: Option<wgpu::Buffer>,
 }
 
 impl Resources {
     pub(super) fn new(gpu: &Gpu, program: &Program, data: SceneData<'_>) -> Result<Self, GpuError> {
-        let mut resources = Self { grids: vec![], tables: vec![], meshes: vec![], cache: None, outlines: None };
+        let mut resources = Self {
+            grids: vec![],
+            tables: vec![],
+            meshes: vec![],
+            cache: None,
+            outlines: None,
+            order: None,
+            splats: None,
+        };
         for binding in &program.plan.bindings {
             match binding {
                 Binding::Grid(id) => {
@@ -86,7 +98,7 @@ impl Resources {
                     }));
                 }
                 // They come with each drawing.
-                Binding::Outlines | Binding::Target(_) => {}
+                Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
                 Binding::Uniforms | Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead => {}
             }
         }
@@ -96,22 +108,17 @@ impl Resources {
 
     /// Writes the outlines of slabs. Gives whether the buffer is another one now.
     pub(super) fn write_outlines(&mut self, gpu: &Gpu, corners: &[[f32; 3]]) -> bool {
-        let bytes: &[u8] = bytemuck::cast_slice(corners);
-        let fits = matches!(&self.outlines, Some((buffer, _)) if buffer.size() >= bytes.len() as u64);
+        write(gpu, "outlines", &mut self.outlines, bytemuck::cast_slice(corners), corners.len())
+    }
+
+    /// Writes the order of splats, and makes room for as many. Gives whether a buffer is another one now.
+    pub(super) fn write_order(&mut self, gpu: &Gpu, order: &[u32], stride: u32) -> bool {
+        let bytes = order.len() as u64 * u64::from(stride) * 4;
+        let fits = matches!(&self.splats, Some(buffer) if buffer.size() >= bytes);
         if !fits {
-            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("outlines"),
-                size: (bytes.len() as u64).next_power_of_two().max(48),
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            });
-            self.outlines = Some((buffer, 0));
+            self.splats = Some(storage(gpu, "splats", bytes));
         }
-        if let Some((buffer, count)) = &mut self.outlines {
-            gpu.queue.write_buffer(buffer, 0, bytes);
-            *count = corners.len() as u32;
-        }
-        !fits
+        write(gpu, "order", &mut self.order, bytemuck::cast_slice(order), order.len()) || !fits
     }
 
     /// Writes the tables whose contents changed since the last drawing.
@@ -125,6 +132,29 @@ impl Resources {
             }
         }
     }
+}
+
+/// A storage buffer of at least so many bytes.
+fn storage(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes.next_power_of_two().max(64),
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+/// Writes a buffer and how many things are in it; makes another where it is too small, and says so.
+fn write(gpu: &Gpu, label: &str, slot: &mut Option<(wgpu::Buffer, u32)>, bytes: &[u8], count: usize) -> bool {
+    let fits = matches!(slot, Some((buffer, _)) if buffer.size() >= bytes.len() as u64);
+    if !fits {
+        *slot = Some((storage(gpu, label, bytes.len() as u64), 0));
+    }
+    if let Some((buffer, held)) = slot {
+        gpu.queue.write_buffer(buffer, 0, bytes);
+        *held = count as u32;
+    }
+    !fits
 }
 
 /// Converts 64-bit samples; everything else is uploaded as it lies in memory.

@@ -97,6 +97,7 @@ fn program(
             repeats: 1,
             steps: StepRule::Closed,
             fill: None,
+            plant: None,
             samples: 1,
             work_per_ray: 1,
         },
@@ -125,6 +126,7 @@ fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
         bounds: None,
         grids: vec![],
         slabs: crate::frame::Slabs::default(),
+        lattice: crate::frame::Lattice::default(),
     }
 }
 

@@ -106,6 +106,9 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::SlabCount => vec![f64::from(frame.slabs.count)],
         FrameValue::BoundsLow => frame.slabs.bounds[0].to_vec(),
         FrameValue::BoundsHigh => frame.slabs.bounds[1].to_vec(),
+        FrameValue::LatticeLow => frame.lattice.low.to_vec(),
+        FrameValue::LatticeSpacing => vec![frame.lattice.spacing],
+        FrameValue::LatticeCounts => frame.lattice.counts.map(f64::from).to_vec(),
     })
 }
 
@@ -136,7 +139,10 @@ fn of_part(value: FrameValue, part: Part, repeat: u32) -> Vec<f64> {
         | FrameValue::SlabStep
         | FrameValue::SlabCount
         | FrameValue::BoundsLow
-        | FrameValue::BoundsHigh => vec![],
+        | FrameValue::BoundsHigh
+        | FrameValue::LatticeLow
+        | FrameValue::LatticeSpacing
+        | FrameValue::LatticeCounts => vec![],
     }
 }
 

@@ -1,7 +1,9 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
 mod random;
+mod refine;
 mod slabs;
+mod splats;
 
 use super::measure::{Measured, Samples, worst};
 use super::{
@@ -132,6 +134,8 @@ pub struct Drawing {
     pub paths: Option<u64>,
     /// Slabs that the media were cut into, if they were.
     pub slabs: Option<u32>,
+    /// Splats that they were made of, if they were.
+    pub splats: Option<u32>,
     /// Field evaluations in all, if they were counted.
     pub evaluations: Option<u64>,
     /// Milliseconds to draw.
@@ -332,6 +336,8 @@ impl Session {
             (Engine::Gpu(_), StepRule::Closed) => "none (closed forms)".into(),
             (Engine::Gpu(_), StepRule::Fixed(n)) => format!("{n} along each ray"),
             (Engine::Gpu(_), StepRule::Adaptive(a)) => format!("adaptive, to {a}"),
+            (Engine::Gpu(_), StepRule::Splats { count: Some(n), .. }) => format!("about {n} splats"),
+            (Engine::Gpu(_), StepRule::Splats { count: None, .. }) => format!("splats, to {}", self.accuracy()),
             (Engine::Gpu(_), StepRule::Slabs { count: Some(n), .. }) => format!("{n} slabs"),
             (Engine::Gpu(_), StepRule::Slabs { count: None, .. }) => format!("slabs, to {}", self.accuracy()),
         }
@@ -392,14 +398,20 @@ impl Session {
             size: camera.map_or([0, 0], |c| c.size),
             accuracy: match plan.steps {
                 StepRule::Adaptive(a) => a,
-                StepRule::Closed | StepRule::Fixed(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => self.accuracy(),
+                StepRule::Closed
+                | StepRule::Fixed(_)
+                | StepRule::Paths(_)
+                | StepRule::Slabs { .. }
+                | StepRule::Splats { .. } => self.accuracy(),
             },
             white: if camera.is_some() { super::white(scene, &params.0, time) } else { 0.0 },
             steps: match plan.steps {
                 StepRule::Fixed(n) => n,
-                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) | StepRule::Slabs { .. } => {
-                    self.options.steps.or(scene.render.steps).unwrap_or(0)
-                }
+                StepRule::Closed
+                | StepRule::Adaptive(_)
+                | StepRule::Paths(_)
+                | StepRule::Slabs { .. }
+                | StepRule::Splats { .. } => self.options.steps.or(scene.render.steps).unwrap_or(0),
             },
             max_work: scene.render.max_work,
             eye: camera.map_or(none, |c| Eye::new(c, bounds)),
@@ -411,6 +423,7 @@ impl Session {
             bounds: super::bounds::bounded_media(scene, &params.0, time),
             grids: self.grid_ranges.clone(),
             slabs: super::Slabs::default(),
+            lattice: super::Lattice::default(),
         }
     }
 
@@ -424,6 +437,7 @@ impl Session {
         match &self.engine {
             Engine::Gpu(_) if self.is_random() => self.draw_paths(params, time, &camera, progress),
             Engine::Gpu(_) if self.is_sliced() => self.draw_slabs(params, time, &camera, progress),
+            Engine::Gpu(_) if self.is_splatted() => self.draw_splats(params, time, &camera, progress),
             Engine::Gpu(_) => self.draw_gpu(params, time, &camera, progress),
             Engine::Cpu | Engine::Reference => self.draw_cpu(params, time, &camera, progress),
         }
@@ -469,6 +483,7 @@ impl Session {
             error_kind: "estimate",
             paths: None,
             slabs: None,
+            splats: None,
             evaluations,
             milliseconds: timing.milliseconds,
             clock: match timing.clock {
@@ -539,6 +554,7 @@ impl Session {
             },
             paths: None,
             slabs: None,
+            splats: None,
             evaluations: Some(pixels.evaluations),
             milliseconds: milliseconds(started),
             clock: "wall",
@@ -592,7 +608,8 @@ impl Session {
         match self.engine {
             Engine::Gpu(_) if self.is_random() => self.probe_paths(params, &list, settings),
             Engine::Gpu(_) if self.is_sliced() => self.probe_slabs(params, &list, settings),
-            Engine::Gpu(_) => self.probe_gpu(params, &list, settings, super::Slabs::default()),
+            Engine::Gpu(_) if self.is_splatted() => self.probe_splats(params, &list, settings),
+            Engine::Gpu(_) => self.probe_gpu(params, &list, settings, |_| {}),
             Engine::Cpu | Engine::Reference => self.probe_cpu(params, &list, settings),
         }
     }
@@ -635,11 +652,12 @@ impl Session {
         params: &Params,
         rays: &[([f64; 3], [f64; 3])],
         settings: &ProbeSettings,
-        slabs: super::Slabs,
+        change: impl FnOnce(&mut Frame),
     ) -> Result<Vec<RayAnswer>, Trouble> {
         let scene = &self.program.lowered;
         let bounds = scene_bounds(scene, &params.0, settings.time);
-        let frame = Frame { slabs, ..self.frame(params, settings.time, None, bounds) };
+        let mut frame = self.frame(params, settings.time, None, bounds);
+        change(&mut frame);
         let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
         let reader = Reader::new(&self.program.plan, scene.bands.count() as usize);
         let (mut answers, mut faults) = (Vec::with_capacity(rays.len()), FaultTally::default());

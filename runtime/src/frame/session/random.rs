@@ -20,9 +20,11 @@ impl Session {
     fn batches(&self) -> Batches {
         match self.program.plan.steps {
             StepRule::Paths(samples) => Batches::new(samples),
-            StepRule::Closed | StepRule::Fixed(_) | StepRule::Adaptive(_) | StepRule::Slabs { .. } => {
-                Batches::new(Some(1))
-            }
+            StepRule::Closed
+            | StepRule::Fixed(_)
+            | StepRule::Adaptive(_)
+            | StepRule::Slabs { .. }
+            | StepRule::Splats { .. } => Batches::new(Some(1)),
         }
     }
 
@@ -104,6 +106,7 @@ impl Session {
             error_kind: "standard-error",
             paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),
             slabs: None,
+            splats: None,
             evaluations: None,
             milliseconds,
             clock: match clock {

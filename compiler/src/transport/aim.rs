@@ -1,37 +1,67 @@
 //! `aim`: the ray of each pixel, where it ends, and where it meets the planes.
 
-use super::Rays;
+use super::records::{self, Pixel};
+use super::slab::Pieces;
+use super::{Scene, edges, rays};
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::FieldScene;
 use crate::program::kernel::{BinaryOp, Expr, Function, Prim, Ty};
 use crate::program::{FrameValue, RaySource};
-use crate::transport::records::{self, Pixel};
-use crate::transport::slab::Slabs;
-use crate::transport::{Scene, edges, rays};
 
 /// f32 of a ray's note.
-pub(super) const NOTES: u32 = 12;
+pub(crate) const NOTES: u32 = 12;
+
+/// The rays through a pixel, one after another.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Rays {
+    /// Through its centre, or one of a list.
+    One,
+    /// At as many points of it.
+    Spread(u32),
+    /// Two, on the two sides of an edge, weighed by what they cover.
+    Divided,
+}
+
+impl Rays {
+    /// From the samples of a pixel, and whether edges divide it.
+    pub(crate) fn new(samples: u32, divided: bool) -> Self {
+        match (samples, divided) {
+            (_, true) => Self::Divided,
+            (1, false) => Self::One,
+            (n, false) => Self::Spread(n),
+        }
+    }
+
+    /// How many.
+    pub(crate) fn count(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Spread(n) => n,
+            Self::Divided => 2,
+        }
+    }
+}
 
 /// A ray as it is noted.
-pub(super) struct Note {
-    pub(super) origin: Expr,
-    pub(super) direction: Expr,
+pub(crate) struct Note {
+    pub(crate) origin: Expr,
+    pub(crate) direction: Expr,
     /// Least t that counts.
-    pub(super) start: Expr,
+    pub(crate) start: Expr,
     /// Where a surface ends it.
-    pub(super) end: Expr,
+    pub(crate) end: Expr,
     /// t of the first plane, and from plane to plane.
-    pub(super) first: Expr,
-    pub(super) step: Expr,
+    pub(crate) first: Expr,
+    pub(crate) step: Expr,
     /// Share of the pixel.
-    pub(super) weight: Expr,
+    pub(crate) weight: Expr,
     /// 1 where an edge divides the pixel, else 0.
-    pub(super) edge: Expr,
+    pub(crate) edge: Expr,
 }
 
 impl Note {
     /// Reads it back.
-    pub(super) fn read(builder: &mut KernelBuilder, code: &mut Code, record: &Expr) -> Self {
+    pub(crate) fn read(builder: &mut KernelBuilder, code: &mut Code, record: &Expr) -> Self {
         let notes = builder.notes_read();
         let base = code.bind("note", Ty::U32, record.clone() * NOTES);
         let mut at = |name: &str, i: u32| code.bind(name, Ty::F32, Expr::Load(notes, Box::new(base.clone() + i)));
@@ -63,21 +93,21 @@ impl Note {
 }
 
 /// The entry point.
-pub(super) fn entry(
+pub(crate) fn entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
     seen: &Scene,
-    slabs: &Slabs,
+    pieces: &Pieces,
     source: RaySource,
     rays: Rays,
 ) -> Function {
     match source {
-        RaySource::Camera => camera(scene, builder, seen, slabs, rays),
-        RaySource::List => list(builder, slabs),
+        RaySource::Camera => camera(scene, builder, seen, pieces, rays),
+        RaySource::List => list(builder, pieces),
     }
 }
 
-fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, slabs: &Slabs, rays: Rays) -> Function {
+fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, pieces: &Pieces, rays: Rays) -> Function {
     let mut code = Code::new("aim", None);
     let Pixel { x, y, record } = records::pixel(builder, &mut code);
     let camera = rays::Camera::new(builder, scene.camera.projection);
@@ -108,7 +138,7 @@ fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, slabs: 
         }
     };
     let ray = camera.ray(&mut code, "ray", at_x, at_y);
-    let end = slabs.end(&mut code, &ray.origin, &ray.direction, &ray.from);
+    let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
     // Planes are counted from the anchor, where the ray's parameter is 0: thicker along rays off the axis.
     let facing = ray.direction.clone().dot(builder.frame(FrameValue::CameraForward));
     let facing = code.bind("facing", Ty::F32, facing);
@@ -120,15 +150,15 @@ fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, slabs: 
 }
 
 /// Rays of a list have no common planes: each is cut into equal parts within the box around the media.
-fn list(builder: &mut KernelBuilder, slabs: &Slabs) -> Function {
+fn list(builder: &mut KernelBuilder, pieces: &Pieces) -> Function {
     let mut code = Code::new("aim", None);
     let index = records::listed(builder, &mut code);
     let ray = rays::list(builder, &mut code, &index);
-    let end = slabs.end(&mut code, &ray.origin, &ray.direction, &ray.from);
+    let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
     let low = builder.frame(FrameValue::BoundsLow);
     let high = builder.frame(FrameValue::BoundsHigh);
     let arguments = vec![ray.origin.clone(), ray.direction.clone(), low, high];
-    let span = code.bind("span", Ty::float(2), Expr::Call(slabs.through_box, arguments));
+    let span = code.bind("span", Ty::float(2), Expr::Call(pieces.through_box, arguments));
     let first = code.bind("first", Ty::F32, span.clone().component(0).max(ray.from.clone()));
     let length = (span.component(1).min(end.clone()) - first.clone()).max(0.0);
     let step = length / builder.frame(FrameValue::SlabCount).convert(Prim::F32);

@@ -1,18 +1,17 @@
 //! `resolve`: what was drawn into the targets, with what lies behind the media, as records.
 
-use super::Rays;
-use super::aim::Note;
-use super::slice::{CUT_SHORT, FAULT, Layers, components};
+use super::aim::{Note, Rays};
+use super::layers::{CUT_SHORT, FAULT, Layers, components};
+use super::records::{self, Pixel};
+use super::slab::{Part, Pieces};
 use crate::fields::{Code, KernelBuilder};
 use crate::program::kernel::{Expr, Function, Math, Prim, Ty};
 use crate::program::{Fault, FrameValue, OutputKind, RaySource};
-use crate::transport::records::{self, Pixel};
-use crate::transport::slab::{Part, Slabs};
 
 /// The entry point.
-pub(super) fn entry(
+pub(crate) fn entry(
     builder: &mut KernelBuilder,
-    slabs: &Slabs,
+    pieces: &Pieces,
     layers: &Layers,
     (source, rays, edge): (RaySource, Rays, bool),
     stride: u32,
@@ -47,7 +46,7 @@ pub(super) fn entry(
     };
     let note = Note::read(builder, &mut code, &record);
     let mut arguments = vec![note.origin.clone(), note.direction.clone(), note.start.clone()];
-    let fault = slabs.place(Part::Fault).map(|_| {
+    let fault = pieces.place(Part::Fault).map(|_| {
         let packed = code.bind("packed", Ty::F32, channel(Part::Fault, 0));
         let number = Expr::math(Math::Floor, [packed.clone() / FAULT]);
         let number = code.bind("fault_number", Ty::F32, number);
@@ -58,7 +57,7 @@ pub(super) fn entry(
         let code_of = code.bind("fault_code", Ty::U32, number.convert(Prim::U32));
         code_of.clone().greater_equal(CUT_SHORT).select(Fault::CUT_SHORT, code_of)
     });
-    for (part, ty) in &slabs.parts {
+    for (part, ty) in &pieces.parts {
         arguments.push(match part {
             Part::Light | Part::Depth => {
                 let parts: Vec<Expr> = (0..components(*ty)).map(|i| channel(*part, i)).collect();
@@ -69,10 +68,10 @@ pub(super) fn entry(
             Part::Fault => fault.clone().expect("made above"),
         });
     }
-    let whole = builder.result_of(slabs.whole.function);
-    let whole = code.bind("traced", whole, Expr::Call(slabs.whole.function, arguments));
-    let mut values: Vec<Expr> = (0..slabs.whole.fields.len() as u32).map(|i| whole.clone().field(i)).collect();
-    let mut fields = slabs.whole.fields.clone();
+    let whole = builder.result_of(pieces.whole.function);
+    let whole = code.bind("traced", whole, Expr::Call(pieces.whole.function, arguments));
+    let mut values: Vec<Expr> = (0..pieces.whole.fields.len() as u32).map(|i| whole.clone().field(i)).collect();
+    let mut fields = pieces.whole.fields.clone();
     if edge {
         values.push(note.edge.clone());
         fields.push((OutputKind::Edge, 1));

@@ -1,0 +1,122 @@
+//! Splatting: the media become Gaussians on a lattice, which are drawn as billboards across the view and blended, farthest
+//! first (Westover 1990; Zwicker et al. 2001). What a Gaussian sends and lets through along a ray is its exact line integral
+//! σ·√(2π)·s·exp(−d²/2s²), not a cap per splat.
+//!
+//! On nodes xᵢ with spacing h, coefficients are spread by Gaussians of deviation s = κ·h with peaks f(xᵢ)/(κ√(2π))³: the
+//! quasi-interpolation of Maz'ya and Schmidt ("Approximate Approximations", 2007), of second order in h on smooth fields down
+//! to a ripple of 6·e^(−2π²κ²). A node holds the mean over one spacing along the view, so that a boundary takes its share.
+//!
+//! Passes: `plant` finds what is at the nodes, once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
+//! `resolve`, as in slicing. Emission is composed Gaussian by Gaussian in the order of their centres, as if each were thin.
+
+mod splat;
+
+use crate::Options;
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::fields::KernelBuilder;
+use crate::ir::{Composite, FieldScene, Projection};
+use crate::program::kernel::{Kernel, Stage};
+use crate::program::{Extent, Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, RaySource, StepRule};
+use crate::transport::aim::{self, Rays};
+use crate::transport::layers::Layers;
+use crate::transport::{Scene, Tracer, records, resolve};
+
+/// Kernels and plan of a scene.
+pub(super) fn build(
+    scene: &mut FieldScene,
+    options: &Options,
+    ledger: &mut Ledger,
+    diagnostics: &mut Diagnostics,
+) -> Option<(Vec<Kernel>, Plan)> {
+    refuse(scene, options, diagnostics);
+    let seen = Scene::new(scene, ledger, diagnostics);
+    for (name, span) in seen.endless() {
+        let diagnostic = cannot(&format!("draw `{name}`, which has no end"), "a medium without end");
+        diagnostics.push(match span {
+            Some(span) => diagnostic.at(span, "this medium"),
+            None => diagnostic,
+        });
+    }
+    if seen.is_multiple(scene) {
+        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
+    }
+    if diagnostics.has_errors() {
+        return None;
+    }
+    let rule = StepRule::Splats { count: scene.render.splats, accuracy: scene.render.accuracy };
+    let aa = options.aa.unwrap_or(scene.image.aa);
+    let samples = records::samples(aa, options.rays, ledger);
+    ledger.omit("division of pixels at edges", "Gaussians have none", None);
+    let rays = Rays::new(samples, false);
+    let mut builder = KernelBuilder::default();
+    // What goes wrong at a node has no pixel to be told in.
+    let told =
+        |kind: &OutputKind| matches!(kind, OutputKind::Radiance | OutputKind::Transmittance | OutputKind::OpticalDepth);
+    let wanted = options.outputs.iter().copied().filter(told).collect();
+    let pieces = Tracer::new(scene, &seen, &mut builder, rule, wanted).write_slabs(ledger);
+    let (outputs, stride) = records::layout(&pieces.whole.fields, false);
+    let layers = Layers::new(&pieces);
+    let splats = splat::stride(&pieces);
+    let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
+    let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, rays);
+    let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
+    let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), stride);
+    let (extent, group) = match options.rays {
+        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
+        RaySource::List => (Extent::Rays, [64, 1, 1]),
+    };
+    let mut entries = vec![
+        ("plant", Stage::Compute([64, 1, 1]), plant),
+        ("aim", Stage::Compute(group), aim),
+        ("corner", Stage::Vertex, corner),
+        ("splat", Stage::Fragment, splat),
+        ("resolve", Stage::Compute(group), resolve),
+    ];
+    let fill = pieces.fill.map(|(fill, entry)| {
+        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
+        crate::program::FillPass { kernel: entries.len() as u32 - 1, ..fill }
+    });
+    let (kernels, bindings, uniforms) = builder.finish(entries);
+    let plan = Plan {
+        backend: "splatting",
+        rays: options.rays,
+        outputs,
+        stride,
+        bindings,
+        uniforms,
+        passes: vec![
+            Pass::Compute { kernel: 1, extent },
+            Pass::Raster { vertex: 2, fragment: 3, geometry: Geometry::Billboards },
+            Pass::Compute { kernel: 4, extent },
+        ],
+        targets: layers.targets,
+        notes: aim::NOTES,
+        repeats: rays.count(),
+        steps: rule,
+        fill,
+        plant: Some(PlantPass { kernel: 0, stride: splats }),
+        samples,
+        work_per_ray: 4096,
+    };
+    Some((kernels, plan))
+}
+
+fn cannot(what: &str, word: &str) -> Diagnostic {
+    Diagnostic::error("E0530", format!("splatting cannot {what}"))
+        .note(format!("{word} can be drawn by: raymarch"))
+        .hint("use `backend = raymarch`, or `auto`")
+}
+
+/// What billboards across the view cannot show.
+fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) {
+    if options.rays == RaySource::Camera && scene.camera.projection == Projection::Panorama {
+        let what = "draw a panorama: billboards do not cross a view all around";
+        diagnostics.push(cannot(what, "`projection = panorama`"));
+    }
+    match scene.render.composite {
+        Composite::Radiance => {}
+        Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_) => {
+            diagnostics.push(cannot("project data", "`composite`"));
+        }
+    }
+}

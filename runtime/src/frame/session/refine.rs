@@ -1,0 +1,154 @@
+//! Pictures and probes of more and more pieces, until more of them change nothing by more than the accuracy allows.
+//!
+//! With pieces of size h (the thickness of a slab, the spacing of a lattice) the rules are of second order where fields are
+//! smooth, and of first order at creases and boundaries. The error at h is therefore estimated from what was found at H > h
+//! as |I(h) − I(H)| / (H/h − 1), which is exact for the first order and too large for the second.
+
+use super::{Canvas, Drawing, RayAnswer, Session, Trouble};
+use crate::engine::gpu::{Clock, Timing};
+use crate::frame::{Frame, Params};
+
+/// How many pieces, and of what size.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub(super) struct Pieces {
+    pub(super) count: u32,
+    pub(super) size: f64,
+}
+
+/// How many pieces there are at first and at most; the same if a number was asked for.
+#[derive(Copy, Clone, Debug)]
+pub(super) struct Ladder {
+    pub(super) first: u32,
+    pub(super) most: u32,
+    /// By what power of their number the size of pieces falls: 1 for slabs, 1/3 for a lattice.
+    pub(super) power: f64,
+}
+
+impl Ladder {
+    fn is_asked(&self) -> bool {
+        self.first == self.most
+    }
+
+    /// As many as an error of second order asks for, sizes halved at least and divided by eight at most.
+    fn next(&self, count: u32, share: f64) -> u32 {
+        let finer = (1.1 * share.sqrt()).clamp(2.0, 8.0).powf(1.0 / self.power).min(64.0);
+        ((f64::from(count) * finer) as u32).min(self.most)
+    }
+}
+
+fn together(a: Timing, b: Timing) -> Timing {
+    Timing {
+        milliseconds: a.milliseconds + b.milliseconds,
+        clock: if a.clock == Clock::Gpu { b.clock } else { a.clock },
+        dispatches: a.dispatches + b.dispatches,
+    }
+}
+
+impl Session {
+    /// Draws with more and more pieces; `frame` makes the drawing's frame of a number of them, and says what came of it. Gives how many pieces there
+    /// were in all besides.
+    pub(super) fn refine(
+        &mut self,
+        ladder: Ladder,
+        (params, time): (&Params, f64),
+        progress: &dyn Fn(f64),
+        frame: &dyn Fn(&Self, u32) -> (Frame, Pieces),
+    ) -> Result<(Drawing, Pieces, u64), Trouble> {
+        let bands = self.program.lowered.bands.count() as usize;
+        let mut count = ladder.first;
+        let mut before: Option<(Pieces, Canvas, Timing)> = None;
+        let mut spent = 0u64;
+        loop {
+            let (frame, pieces) = frame(self, count);
+            spent += u64::from(pieces.count);
+            let (mut canvas, mut timing) = self.canvas(&frame, progress)?;
+            let Some((larger, coarse, so_far)) = before.take() else {
+                if ladder.is_asked() {
+                    // Only what was asked for: nothing tells how good it is but the comparison with the reference.
+                    canvas.predicted = None;
+                    return Ok((self.drawing(canvas, timing, params, time)?, pieces, spent));
+                }
+                before = Some((pieces, canvas, timing));
+                count = ladder.next(count, 0.0);
+                continue;
+            };
+            timing = together(timing, so_far);
+            let share = canvas.compare(&coarse, larger.size / pieces.size - 1.0, bands);
+            canvas.evaluations = canvas.evaluations.zip(coarse.evaluations).map(|(a, b)| a + b);
+            if share <= 1.0 || count >= ladder.most || !share.is_finite() {
+                return Ok((self.drawing(canvas, timing, params, time)?, pieces, spent));
+            }
+            before = Some((pieces, canvas, timing));
+            count = ladder.next(count, share);
+        }
+    }
+
+    /// Answers with more and more pieces; `probe` answers with a number of them.
+    pub(super) fn refine_probe(
+        &mut self,
+        ladder: Ladder,
+        probe: &mut dyn FnMut(&mut Self, u32) -> Result<(Vec<RayAnswer>, Pieces), Trouble>,
+    ) -> Result<Vec<RayAnswer>, Trouble> {
+        let accuracy = self.accuracy();
+        let (mut answers, mut pieces) = probe(self, ladder.first)?;
+        if ladder.is_asked() {
+            // Fewer of them, drawn after, tell as much about the error as more would.
+            let fewer = (f64::from(ladder.first) * 0.5f64.powf(1.0 / ladder.power)).ceil() as u32;
+            if fewer < ladder.first {
+                let (rough, larger) = probe(self, fewer)?;
+                compare(&mut answers, &rough, larger.size / pieces.size - 1.0, accuracy);
+            }
+            return Ok(answers);
+        }
+        let mut count = ladder.next(ladder.first, 0.0);
+        loop {
+            let (mut fine, smaller) = probe(self, count)?;
+            let share = compare(&mut fine, &answers, pieces.size / smaller.size - 1.0, accuracy);
+            if share <= 1.0 || count >= ladder.most || !share.is_finite() {
+                return Ok(fine);
+            }
+            (answers, pieces) = (fine, smaller);
+            count = ladder.next(count, share);
+        }
+    }
+}
+
+/// Adds the estimated error of answers with more pieces to them, adds up the evaluations, and gives the largest error as a
+/// multiple of what is allowed: |ΔL| ≤ A·|L|, |ΔT| ≤ A, |Δτ| ≤ A·τ.
+fn compare(fine: &mut [RayAnswer], rough: &[RayAnswer], ratio: f64, accuracy: f64) -> f64 {
+    let mut worst = 0.0f64;
+    for (fine, rough) in fine.iter_mut().zip(rough) {
+        let off = |a: &[f64], b: &[f64]| -> Vec<f64> {
+            let change = |(a, b): (&f64, &f64)| if a == b { 0.0 } else { (a - b).abs() / ratio.max(1e-9) };
+            a.iter().zip(b).map(change).collect()
+        };
+        // The largest of all bands: in a single one two errors may be alike by chance.
+        let radiance = off(&fine.radiance, &rough.radiance).into_iter().fold(0.0, f64::max);
+        for error in &mut fine.error {
+            *error += radiance;
+        }
+        let light = fine.error.iter().zip(&fine.radiance).map(|(e, l)| if *e == 0.0 { 0.0 } else { e / l.abs() });
+        let clear = off(&fine.transmittance, &rough.transmittance);
+        let depth = off(&fine.optical_depth, &rough.optical_depth);
+        let depth = depth.iter().zip(&fine.optical_depth).map(|(e, d)| if *e == 0.0 { 0.0 } else { e / d });
+        worst = light.chain(clear).chain(depth).fold(worst, f64::max);
+        fine.evaluations += rough.evaluations;
+    }
+    worst / accuracy
+}
+
+impl Canvas {
+    /// Estimates the error from a picture with fewer pieces; the largest, as a multiple of what is allowed.
+    fn compare(&mut self, coarse: &Self, ratio: f64, bands: usize) -> f64 {
+        let own = self.predicted.unwrap_or((0.0, 0.0));
+        let (mut error, mut share) = (0.0f64, 0.0f64);
+        for (fine, rough) in self.radiance.chunks_exact(bands).zip(coarse.radiance.chunks_exact(bands)) {
+            let off = fine.iter().zip(rough).map(|(a, b)| f64::from((a - b).abs()) / ratio).fold(0.0, f64::max);
+            let brightest = fine.iter().fold(0.0f32, |m, v| m.max(*v));
+            error = error.max(off);
+            share = share.max(off / (self.accuracy * self.white.max(f64::from(brightest))));
+        }
+        self.predicted = Some((error + own.0, share + own.1));
+        share
+    }
+}

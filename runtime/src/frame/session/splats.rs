@@ -1,0 +1,85 @@
+//! Pictures and probes of splats.
+
+use super::refine::{Ladder, Pieces};
+use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
+use crate::frame::bounds::media_boxes;
+use crate::frame::{Camera, Lattice, Params, scene_bounds};
+use compiler::program::{SPLAT_CUT, StepRule};
+
+/// Splats that are tried first.
+const FIRST: u32 = 4096;
+/// Most splats that are tried without being asked for.
+const MOST: u32 = 1 << 20;
+/// Most splats there can be.
+const LIMIT: u32 = 1 << 24;
+
+impl Session {
+    /// Whether the picture is drawn of splats.
+    pub(super) fn is_splatted(&self) -> bool {
+        matches!(self.program.plan.steps, StepRule::Splats { .. })
+    }
+
+    fn splats(&self) -> Ladder {
+        let (first, most) = match self.program.plan.steps {
+            StepRule::Splats { count: Some(n), .. } => (n.min(LIMIT), n.min(LIMIT)),
+            StepRule::Splats { count: None, .. }
+            | StepRule::Closed
+            | StepRule::Fixed(_)
+            | StepRule::Adaptive(_)
+            | StepRule::Paths(_)
+            | StepRule::Slabs { .. } => (FIRST, MOST),
+        };
+        Ladder { first, most, power: 1.0 / 3.0 }
+    }
+
+    pub(super) fn draw_splats(
+        &mut self,
+        params: &Params,
+        time: f64,
+        camera: &Camera,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Drawing, Trouble> {
+        let bounds = scene_bounds(&self.program.lowered, &params.0, time);
+        let boxes = media_boxes(&self.program.lowered, &params.0, time);
+        let frame = |session: &Self, count: u32| {
+            let mut frame = session.frame(params, time, Some(camera), bounds);
+            frame.lattice = Lattice::around(&boxes, count, camera.forward);
+            let pieces = Pieces { count: frame.lattice.len(), size: frame.lattice.spacing };
+            (frame, pieces)
+        };
+        let (drawing, pieces, spent) = self.refine(self.splats(), (params, time), progress, &frame)?;
+        // What lies beyond the billboards, at most that share of all light.
+        let brightest = f64::from(drawing.picture.radiance().iter().copied().fold(0.0, f32::max));
+        let predicted = drawing.predicted.map(|(error, share)| (error + SPLAT_CUT * brightest, share));
+        Ok(Drawing { splats: Some(pieces.count), evaluations: Some(spent), predicted, ..drawing })
+    }
+
+    /// Each ray on its own, since splats are put in order along one direction.
+    pub(super) fn probe_splats(
+        &mut self,
+        params: &Params,
+        rays: &[([f64; 3], [f64; 3])],
+        settings: &ProbeSettings,
+    ) -> Result<Vec<RayAnswer>, Trouble> {
+        let boxes = media_boxes(&self.program.lowered, &params.0, settings.time);
+        let mut answers = vec![];
+        for ray in rays {
+            let refined = self.refine_probe(self.splats(), &mut |session, count| {
+                let lattice = Lattice::around(&boxes, count, ray.1);
+                let pieces = Pieces { count: lattice.len(), size: lattice.spacing };
+                let mut answers = session.probe_gpu(params, std::slice::from_ref(ray), settings, |frame| {
+                    frame.eye.forward = ray.1;
+                    frame.lattice = lattice;
+                })?;
+                for answer in &mut answers {
+                    // What lies beyond the billboards; the lattice's own error is found from another lattice.
+                    answer.error = answer.radiance.iter().map(|l| SPLAT_CUT * l).collect();
+                    answer.evaluations = u64::from(pieces.count);
+                }
+                Ok((answers, pieces))
+            });
+            answers.extend(refined?);
+        }
+        Ok(answers)
+    }
+}
