@@ -10,7 +10,7 @@ use super::uniforms::{Block, Part};
 use crate::frame::Frame;
 use compiler::emit::Shader;
 use compiler::ir::eval::Tables;
-use compiler::program::{Binding, Pass, Program, RaySource};
+use compiler::program::{Binding, Geometry, Pass, Program, RaySource};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -228,7 +228,12 @@ impl Prepared {
         };
         let total = u64::from(size[0]) * u64::from(size[1]);
         let work = plan.work_per_ray.max(1).saturating_mul(plan.samples.max(1));
-        let mut pace = Pace::new(work, total, TILE_BYTES / bytes);
+        let billboards = |p: &Pass| matches!(p, Pass::Raster { geometry: Geometry::Billboards, .. });
+        let mut pace = if plan.passes.iter().any(billboards) {
+            Pace::steady(total, TILE_BYTES / bytes)
+        } else {
+            Pace::new(work, total, TILE_BYTES / bytes)
+        };
         let first = plan.passes.iter().flat_map(Pass::kernels).next();
         let group = first.map_or([1; 3], |k| self.program.kernels[k as usize].workgroup());
         let mut walk = Walk::new(size, [group[0], group[1]]);

@@ -7,6 +7,7 @@ use super::pipelines::{Pipeline, Pipelines, Step, target_format};
 use super::resources::Resources;
 use super::uniforms::{Block, Part};
 use compiler::program::{Binding, Extent, Geometry, Pass, Program};
+use std::ops::Range;
 use std::sync::mpsc;
 use std::time::Instant;
 
@@ -53,6 +54,21 @@ pub(super) struct Flight {
     index: wgpu::SubmissionIndex,
     floats: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+}
+
+/// Billboards that are drawn at once.
+const TOGETHER: u32 = 1 << 14;
+
+/// The instances of a pass, in parts; one of them where nothing is drawn.
+fn instances(pass: &Pass, resources: &Resources) -> Vec<Range<u32>> {
+    match pass {
+        Pass::Raster { geometry: Geometry::Billboards, .. } => {
+            let count = resources.order.as_ref().map_or(0, |o| o.1);
+            let starts = (0..count.max(1)).step_by(TOGETHER as usize);
+            starts.map(|start| start..count.min(start + TOGETHER)).collect()
+        }
+        Pass::Raster { geometry: Geometry::Outlines, .. } | Pass::Compute { .. } => std::iter::once(0..1).collect(),
+    }
 }
 
 /// A pass that runs once for each picture, before its tiles.
@@ -255,13 +271,23 @@ impl Slot {
             if let Some(uniforms) = &self.uniforms {
                 gpu.queue.write_buffer(uniforms, 0, block.part(part, repeat));
             }
-            let mut encoder =
-                gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("tile") });
+            let new_encoder =
+                || gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("tile") });
+            let mut encoder = new_encoder();
             let last_pass = plan.passes.len().saturating_sub(1);
             for (number, pass) in plan.passes.iter().enumerate() {
                 let first = (repeat == 0 && number == 0).then_some(0);
                 let last = (repeat + 1 == repeats && number == last_pass).then_some(1);
-                self.record(&mut encoder, program, (pipelines, resources), (number, pass), part, (first, last));
+                let stamps = (first, last);
+                for instances in instances(pass, resources) {
+                    if instances.start > 0 {
+                        // Billboards are drawn in parts that are short enough for watchdogs.
+                        let full = std::mem::replace(&mut encoder, new_encoder());
+                        gpu.queue.submit([full.finish()]);
+                    }
+                    let draw = (number, pass, instances);
+                    self.record(&mut encoder, program, (pipelines, resources), draw, part, stamps);
+                }
             }
             if repeat + 1 == repeats {
                 let bytes = invocations as u64 * u64::from(plan.stride) * 4;
@@ -290,7 +316,7 @@ impl Slot {
         encoder: &mut wgpu::CommandEncoder,
         program: &Program,
         (pipelines, resources): (&Pipelines, &Resources),
-        (number, pass): (usize, &Pass),
+        (number, pass, instances): (usize, &Pass, Range<u32>),
         part: Part,
         (first, last): (Option<u32>, Option<u32>),
     ) {
@@ -322,7 +348,11 @@ impl Slot {
                         depth_slice: None,
                         resolve_target: None,
                         ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                            load: if instances.start == 0 {
+                                wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)
+                            } else {
+                                wgpu::LoadOp::Load
+                            },
                             store: wgpu::StoreOp::Store,
                         },
                     })
@@ -345,10 +375,11 @@ impl Slot {
                 pass.set_scissor_rect(0, 0, width, height);
                 pass.set_bind_group(0, group, &[]);
                 pass.set_pipeline(pipeline);
-                match geometry {
-                    Geometry::Outlines => pass.draw(0..resources.outlines.as_ref().map_or(0, |o| o.1), 0..1),
-                    Geometry::Billboards => pass.draw(0..6, 0..resources.order.as_ref().map_or(0, |o| o.1)),
-                }
+                let corners = match geometry {
+                    Geometry::Outlines => resources.outlines.as_ref().map_or(0, |o| o.1),
+                    Geometry::Billboards => 6,
+                };
+                pass.draw(0..corners, instances);
             }
             // Pipelines are made from the plan's passes, one by one.
             (Pipeline::Compute(_), Pass::Raster { .. }) | (Pipeline::Raster(_), Pass::Compute { .. }) => {}

@@ -12,6 +12,8 @@ const FIRST: u64 = 1 << 21;
 pub(super) struct Pace {
     budget: f64,
     most: u64,
+    /// Whether nothing is learnt: what takes long is cut otherwise.
+    steady: bool,
 }
 
 impl Pace {
@@ -20,7 +22,13 @@ impl Pace {
     pub(super) fn new(work_per_ray: u32, total: u64, most: u64) -> Self {
         let most = most.min((total / 16).max(4096)).max(1);
         let first = FIRST / u64::from(work_per_ray.max(1));
-        Self { budget: first.clamp(64, 16384) as f64, most }
+        Self { budget: first.clamp(64, 16384) as f64, most, steady: false }
+    }
+
+    /// Always as many as a buffer holds: for what is drawn in parts of its geometry, where a smaller tile costs as much.
+    pub(super) fn steady(total: u64, most: u64) -> Self {
+        let most = most.min(total).max(1);
+        Self { budget: most as f64, most, steady: true }
     }
 
     /// Invocations of the largest dispatch there can be.
@@ -35,6 +43,9 @@ impl Pace {
 
     /// Learns from one that took `seconds`.
     pub(super) fn took(&mut self, invocations: u64, seconds: f64) {
+        if self.steady {
+            return;
+        }
         let ideal = invocations as f64 * TARGET / seconds.max(1e-6);
         self.budget = ideal.clamp(64.0, 2.0 * self.budget).min(self.most as f64);
     }
