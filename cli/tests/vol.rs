@@ -218,6 +218,8 @@ fn render_draws_writes_and_measures() {
         "fallback",
         "backend",
         "steps",
+        "bands_nm",
+        "programs",
         "size",
         "accuracy",
         "compile_ms",
@@ -482,6 +484,79 @@ fn emit_writes_every_target() {
     place.vol(&["emit", "ball.vol", "--target", "spirv", "-o", "ball.spv"]).done();
     let words = fs::read(place.path().join("ball.spv")).expect("written");
     assert_eq!(words[..4], 0x0723_0203_u32.to_le_bytes());
+}
+
+const SPECTRAL: &str = "medium air { shape = sphere(center: (0,0,0) m, radius: 1 m)  k_a = 1 /m * (550 nm / lambda)^4 }
+image { size = 16 x 16  bands = spectral(8) }
+";
+
+#[test]
+fn many_bands_are_several_programs_under_headings() {
+    let place = Place::new().with("air.vol", SPECTRAL);
+    let bands = ["405 nm, 455 nm, 505 nm, 555 nm", "605 nm, 655 nm, 705 nm, 755 nm"];
+    for target in ["wgsl", "glsl", "hlsl", "msl", "naga", "ir", "graph", "plan"] {
+        let run = place.vol(&["emit", "air.vol", "--target", target]).done();
+        for (i, bands) in bands.iter().enumerate() {
+            let heading = format!("// program {} of 2: {bands}\n", i + 1);
+            assert_eq!(run.out.matches(&heading).count(), 1, "{target}: {}", run.out);
+        }
+        let document = place.vol(&["emit", "air.vol", "--target", target, "--format", "json"]).done().json("vol.emit");
+        assert_eq!(document["text"], Value::Null, "{target}");
+        let programs = document["programs"].as_array().expect("programs");
+        assert_eq!(programs.len(), 2);
+        assert_eq!(programs[1]["bands_nm"], serde_json::json!([605.0, 655.0, 705.0, 755.0]));
+        assert!(programs.iter().all(|p| run.out.contains(p["text"].as_str().expect("a text"))), "{target}");
+    }
+    place.vol(&["emit", "air.vol", "-o", "air.wgsl", "--map"]).done();
+    for (i, nm) in [("1", "405"), ("2", "755")] {
+        let read = |name: String| fs::read_to_string(place.path().join(name)).expect("written");
+        let map: Value = serde_json::from_str(&read(format!("air.{i}.wgsl.map.json"))).expect("JSON");
+        assert!(map["lines"].as_array().is_some_and(|l| !l.is_empty()), "{nm}");
+        assert!(read(format!("air.{i}.wgsl")).contains("@compute"));
+    }
+    assert!(!place.path().join("air.wgsl").exists());
+    let run = place.vol(&["emit", "air.vol", "--explain"]).done();
+    assert_eq!(run.out.matches("loop over lights").count(), 1, "{}", run.out);
+    assert_eq!(place.vol(&["emit", "air.vol", "--target", "spirv"]).code, 2);
+}
+
+#[test]
+fn many_bands_are_probed_and_drawn() {
+    let place = Place::new().with("air.vol", SPECTRAL);
+    let expected: Vec<f64> = (0..8).map(|i| 405.0 + 50.0 * f64::from(i)).collect();
+    for (engine, tolerance) in [("reference", 1e-9), ("cpu", 1e-2), ("gpu", 1e-4)] {
+        let arguments = ["probe", "air.vol", "--ray", "0,0,-4 0,0,1", "--engine", engine, "--format", "json"];
+        let run = place.vol(&arguments);
+        if no_adapter(&run) {
+            continue;
+        }
+        let document = run.done().json("vol.probe");
+        let answer = &document["rays"][0];
+        for (i, nm) in expected.iter().enumerate() {
+            near(&document["bands_nm"][i], *nm, 1e-9);
+            near(&answer["transmittance"][i], f64::exp(-2.0 * (550.0 / nm).powi(4)), tolerance);
+            assert!(answer["error"][i].is_number());
+        }
+        for key in ["radiance", "transmittance", "optical_depth", "error"] {
+            assert_eq!(answer[key].as_array().map(Vec::len), Some(8), "{key}");
+        }
+        for name in ["air.exr", "air.npy", "air.png"] {
+            let run = place.vol(&["render", "air.vol", "-o", name, "--engine", engine, "--format", "json"]).done();
+            let document = run.json("vol.render");
+            assert_eq!(document["programs"], 2);
+            assert_eq!(document["bands_nm"].as_array().map(Vec::len), Some(8));
+            let measured = &document["frames"][0]["error"]["measured"];
+            assert!(engine == "reference" || measured["within_accuracy"] == true, "{document}");
+        }
+        let exr = fs::read(place.path().join("air.exr")).expect("written");
+        for channel in ["405nm\0", "755nm\0", "T.405nm\0", "T.755nm\0"] {
+            assert!(exr.windows(channel.len()).any(|w| w == channel.as_bytes()), "{channel:?}");
+        }
+        let npy = fs::read(place.path().join("air.npy")).expect("written");
+        assert!(String::from_utf8_lossy(&npy[..128]).contains("16, 16, 8"));
+    }
+    let run = place.vol(&["render", "air.vol", "-o", "air.png", "--engine", "cpu", "--no-check"]).done();
+    assert!(run.out.contains("bands    8 in 2 programs, drawn one after another"), "{}", run.out);
 }
 
 #[test]

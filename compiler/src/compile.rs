@@ -2,12 +2,13 @@
 
 use crate::backends::REGISTRY;
 use crate::check::hir;
-use crate::diagnostic::Diagnostics;
+use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{Backend, FieldScene, Scattering};
 use crate::loader::Loader;
-use crate::program::{Ledger, Program};
+use crate::program::{BandPlace, Ledger, Program};
 use crate::source::Sources;
 use crate::{Compilation, Options, lower, passes, resolve};
+use std::sync::Arc;
 
 /// Reads and checks a scene: all findings, and the checked scene when there is no error.
 pub fn check_scene(name: &str, text: &str, loader: &dyn Loader) -> (Sources, Diagnostics, Option<hir::Scene>) {
@@ -33,11 +34,65 @@ pub fn compile(name: &str, text: &str, loader: &dyn Loader, options: &Options) -
 
 fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -> Option<Program> {
     diagnostics.0.extend(lower::pending(scene).0);
-    let mut lowered = lower::lower_scaled(scene, diagnostics)?;
-    if diagnostics.has_errors() {
-        return None;
+    let bands = scene.image.all_bands();
+    let units = lower::choose_units(scene);
+    let mut parts: Vec<Program> = vec![];
+    let mut places = vec![];
+    for group in bands.groups() {
+        let mut found = Diagnostics::default();
+        let lowered = lower::lower_group(scene, units, group.clone(), &mut found);
+        let lowered = lowered.filter(|_| !found.has_errors());
+        let part = lowered.and_then(|mut lowered| {
+            apply(options, &mut lowered);
+            // What does not depend on the wavelength is one program for all bands.
+            let same = parts.iter().position(|p| p.lowered.is_same_but_for_bands(&mut lowered));
+            same.or_else(|| {
+                parts.push(backend(scene, lowered, options, &mut found)?);
+                Some(parts.len() - 1)
+            })
+        });
+        merge(diagnostics, found, group.start > 0);
+        let part = part.filter(|_| !diagnostics.has_errors())?;
+        let count = parts[part].lowered.bands.wavelengths.len();
+        places.extend(group.clone().map(|b| BandPlace { part, band: (b - group.start) % count }));
     }
-    apply(options, &mut lowered);
+    let ledgers = parts.iter_mut().map(|p| (p.lowered.bands.to_string(), std::mem::take(&mut p.ledger))).collect();
+    let mut ledger = Ledger::merge(ledgers);
+    if parts.len() < bands.groups().len() {
+        let reason = "parts of the spectrum in which the scene is the same are drawn once";
+        ledger.omit("programs of further bands", reason, scene.image.span);
+    }
+    let mut parts = parts.into_iter();
+    let first = parts.next()?;
+    Some(Program { bands, places, ledger, further: parts.map(Arc::new).collect(), ..first })
+}
+
+/// Adds what was found in a group of bands. What an earlier group said of the same place differs in its numbers alone, and
+/// is not said again as a finding of its own.
+fn merge(diagnostics: &mut Diagnostics, found: Diagnostics, further: bool) {
+    let (said, new): (Vec<_>, Vec<_>) = found.0.into_iter().partition(|f| {
+        let place = f.primary_span();
+        further && place.is_some() && diagnostics.iter().any(|d| d.code == f.code && d.primary_span() == place)
+    });
+    for finding in said {
+        let same = |d: &&mut Diagnostic| d.code == finding.code && d.primary_span() == finding.primary_span();
+        let mut alike: Vec<&mut Diagnostic> = diagnostics.0.iter_mut().filter(same).collect();
+        let note = format!("in further bands, {}", finding.message);
+        let told = alike.iter().any(|d| d.message == finding.message || d.notes.contains(&note));
+        if let (Some(first), false) = (alike.first_mut(), told) {
+            first.notes.push(note);
+        }
+    }
+    new.into_iter().for_each(|finding| diagnostics.push(finding));
+}
+
+/// The program of one group of bands.
+fn backend(
+    scene: &hir::Scene,
+    lowered: FieldScene,
+    options: &Options,
+    diagnostics: &mut Diagnostics,
+) -> Option<Program> {
     let mut ledger = Ledger::default();
     note_features(scene, &lowered, &mut ledger);
     let mut optimised = passes::optimise(&lowered, &mut ledger);
@@ -47,10 +102,7 @@ fn build(scene: &hir::Scene, options: &Options, diagnostics: &mut Diagnostics) -
     };
     let (_, _, build) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted).expect("every backend is registered");
     let (kernels, plan) = build(&mut optimised, options, &mut ledger, diagnostics)?;
-    if diagnostics.has_errors() {
-        return None;
-    }
-    Some(Program { lowered, optimised, kernels, plan, ledger })
+    Some(Program::new((lowered, optimised), kernels, plan, ledger))
 }
 
 /// Options change the schedule of both copies alike, before anything is built on it.

@@ -43,11 +43,14 @@ const BLOB: &str = "
 
 /// Every pixel of a camera against the ray marcher, both to an accuracy of their own.
 fn as_marched(camera: &str) {
-    let text = format!("{BLOB}{camera}");
+    agree(&format!("{BLOB}{camera}"), camera);
+}
+
+fn agree(text: &str, camera: &str) {
     let accuracy = Some(1e-3);
-    let Some((light, clear)) = draw_text(&text, Options { accuracy, ..sliced() }) else { return };
+    let Some((light, clear)) = draw_text(text, Options { accuracy, ..sliced() }) else { return };
     let marched = Options { accuracy, backend: Some(Backend::Raymarch), ..sliced() };
-    let (other_light, other_clear) = draw_text(&text, marched).expect("there is an adapter");
+    let (other_light, other_clear) = draw_text(text, marched).expect("there is an adapter");
     let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
     let (off, off_clear) = (worst(&light, &other_light), worst(&clear, &other_clear));
     assert!(off <= 2e-3 && off_clear <= 2e-3, "{camera}: {off} and {off_clear}");
@@ -62,6 +65,13 @@ fn perspectives_near_far_and_inside() {
     as_marched("camera { from = (1e6, 2e5, 3e5) m  to = (0,0,0) m  fov = 0.0002 deg }");
     // Grazing: along a face of the box that is taken away.
     as_marched("camera { from = (0, 0.5, -3) m  to = (0, 0.5, 0) m  fov = 45 deg }");
+}
+
+/// More bands than a target holds are drawn in several programs.
+#[test]
+fn many_bands_are_sliced_too() {
+    let camera = "camera { from = (0.4, 0.3, -3) m  to = (0,0,0) m  fov = 60 deg }";
+    agree(&format!("{BLOB}{camera}").replace("aa = none", "aa = none  bands = spectral(6)"), camera);
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod render;
 use crate::args::{Arguments, Command};
 use crate::output::{self, Exit};
 use compiler::diagnostic::{Diagnostic, Diagnostics};
+use compiler::ir::Bands;
 use compiler::source::Sources;
 use runtime::frame::{Cause, FileLoader, STDIN, Trouble};
 use std::io::Read;
@@ -30,6 +31,16 @@ pub(crate) fn run(arguments: Arguments) -> Exit {
         Command::New(a) => new::run(format, &a).map_err(|t| (t, "vol.new")),
     };
     result.unwrap_or_else(|(trouble, schema)| output::fail(format, schema, &trouble))
+}
+
+/// The bands of a picture in nanometres, without the last bits that the way through metres leaves.
+fn nanometres(bands: &Bands) -> Vec<f64> {
+    let nanometres = |metres: &f64| {
+        let exact = metres * 1e9;
+        let round = (exact * 1e6).round() / 1e6;
+        if (round - exact).abs() < 1e-9 * exact.abs() { round } else { exact }
+    };
+    bands.wavelengths.iter().map(nanometres).collect()
 }
 
 /// The text of a scene, from a file or from standard input.

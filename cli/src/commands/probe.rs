@@ -1,6 +1,6 @@
 //! `vol probe`
 
-use super::read;
+use super::{nanometres, read};
 use crate::args::{self, Format, Probe};
 use crate::output::{Exit, diagnostics, diagnostics_json, document, number, say, trouble};
 use runtime::frame::{Cause, FileLoader, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};
@@ -30,7 +30,7 @@ pub(super) fn run(format: Format, arguments: &Probe) -> Result<Exit, Trouble> {
     let settings = ProbeSettings { rtol: arguments.rtol, time: arguments.time };
     let answers = session.probe(&params, &rays, &settings)?;
     found.0.splice(0..0, session.warnings().0.iter().cloned());
-    let bands: Vec<f64> = session.program().lowered.bands.wavelengths.iter().map(|m| nanometres(*m)).collect();
+    let bands = nanometres(&session.program().bands);
     match format {
         Format::Human => {
             diagnostics(&found, session.sources());
@@ -54,13 +54,6 @@ pub(super) fn run(format: Format, arguments: &Probe) -> Result<Exit, Trouble> {
         }
     }
     Ok(Exit::Done)
-}
-
-/// Without the last bits that the way through metres leaves.
-fn nanometres(metres: f64) -> f64 {
-    let exact = metres * 1e9;
-    let round = (exact * 1e6).round() / 1e6;
-    if (round - exact).abs() < 1e-9 * exact.abs() { round } else { exact }
 }
 
 fn query([x, y, z, u, v, w]: [f64; 6]) -> RayQuery {

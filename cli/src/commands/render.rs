@@ -1,8 +1,9 @@
 //! `vol render`
 
-use super::read;
+use super::{nanometres, read};
 use crate::args::{Format, Render};
 use crate::output::{Exit, complain, diagnostics, diagnostics_json, document, number, progress, say, trouble};
+use compiler::ir::Bands;
 use compiler::ir::eval::evaluate_frame;
 use compiler::program::OutputKind;
 use runtime::frame::{Cause, Drawing, FileLoader, Measured, Params, Session, Settings, Trouble};
@@ -71,6 +72,8 @@ pub(super) fn run(format: Format, arguments: &Render) -> Result<Exit, Trouble> {
             "fallback": session.fallback(),
             "backend": session.program().plan.backend,
             "steps": session.steps(),
+            "bands_nm": nanometres(&session.program().bands),
+            "programs": session.program().parts().count(),
             "size": session.size(),
             "accuracy": session.accuracy(),
             "compile_ms": compile,
@@ -116,11 +119,22 @@ fn heading(session: &Session) -> String {
     let adapter = session.adapter().map(|a| format!(", {a}")).unwrap_or_default();
     let (compile, build) = session.milliseconds();
     format!(
-        "engine   {}{adapter}\nbackend  {}, steps: {}\nready    compiled in {compile:.1} ms, built in {build:.1} ms\n",
+        "engine   {}{adapter}\nbackend  {}, steps: {}\n{}ready    compiled in {compile:.1} ms, built in {build:.1} ms\n",
         session.engine(),
         session.program().plan.backend,
         session.steps(),
+        bands(session),
     )
+}
+
+/// What more bands than one program can draw cost.
+fn bands(session: &Session) -> String {
+    let program = session.program();
+    match (program.bands.wavelengths.len(), program.further.len() + 1) {
+        (..=Bands::TOGETHER, _) => String::new(),
+        (n, 1) => format!("bands    {n}, alike in this scene: one program draws them all\n"),
+        (n, programs) => format!("bands    {n} in {programs} programs, drawn one after another\n"),
+    }
 }
 
 /// One picture that has been drawn and written.
@@ -129,6 +143,7 @@ struct Done {
     drawing: Drawing,
     measured: Option<Measured>,
     nan: usize,
+    programs: usize,
 }
 
 fn frame(
@@ -165,7 +180,8 @@ fn frame(
     };
     let written = image::write(path, &drawing.picture, &options)
         .map_err(|e| trouble(Cause::Input, e.code, e.message, e.hint.as_deref()))?;
-    Ok(Done { path: path.to_owned(), drawing, measured, nan: written.nan })
+    let programs = session.program().parts().count();
+    Ok(Done { path: path.to_owned(), drawing, measured, nan: written.nan, programs })
 }
 
 /// Compares as many pixels as half a minute allows: rays through lit matter under a sky can take the reference seconds each.
@@ -195,7 +211,8 @@ impl Done {
         let cost = drawing.evaluations.map(|n| format!(", {n} field evaluations")).unwrap_or_default();
         let mut text = format!("drawn    {width} x {height} in {:.1} ms ({how}){cost}\n", drawing.milliseconds);
         if let Some(paths) = drawing.paths {
-            text += &format!("paths    {paths} of each pixel\n");
+            let each = if self.programs > 1 { " for each program" } else { "" };
+            text += &format!("paths    {paths} of each pixel{each}\n");
         }
         if let Some(slabs) = drawing.slabs {
             text += &format!("slabs    {slabs}\n");

@@ -1,7 +1,7 @@
 //! What checking makes of the syntax trees of all modules: one scene, every name resolved, every expression typed,
 //! sugar expanded, values in SI. Lowering turns it into a field graph and meets no user error that could be known here.
 
-use crate::ir::{Aa, Backend, BandsKind, Filter, Fold, Param, ParamId, Scattering, Tonemap};
+use crate::ir::{Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Scattering, Tonemap};
 use crate::loader::{GridHeader, MeshHeader};
 use crate::source::Span;
 
@@ -485,6 +485,14 @@ pub struct Image {
     pub tonemap: Tonemap,
     /// Color, Number or Spectrum; `None` is black.
     pub background: Option<Expr>,
+}
+
+impl Image {
+    /// How the bands are shown, and their wavelengths.
+    #[must_use]
+    pub fn all_bands(&self) -> Bands {
+        Bands { kind: self.bands, wavelengths: self.wavelengths.clone() }
+    }
 }
 
 /// What a ray collects.

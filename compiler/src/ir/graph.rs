@@ -57,7 +57,7 @@ pub struct GridInfo {
 }
 
 /// A list of hash-consed nodes with their types and origins.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Graph {
     ops: Vec<Op>,
     types: Vec<Type>,

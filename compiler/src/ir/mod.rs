@@ -21,6 +21,7 @@
 //! Nothing here simplifies: a graph is built exactly as asked, which is what the reference engine evaluates.
 //! Optimisation lives in `passes`, which build a new graph from an old one.
 
+mod bands;
 pub mod derive;
 pub mod eval;
 mod graph;
@@ -31,12 +32,13 @@ mod schedule;
 mod tier;
 mod verify;
 
+pub use bands::{Bands, BandsKind, LUMINANCE, XYZ_FROM_RGB, nanometres};
 pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId};
 pub use light::{Light, LightKind, MeshId, MeshInfo, Surface, SurfaceShape};
 pub use print::print;
 pub use scene::{
-    Aa, Affine, Backend, Bands, BandsKind, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType,
-    Primitive, PrimitiveKind, Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
+    Aa, Affine, Backend, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType, Primitive, PrimitiveKind,
+    Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
 };
 pub use schedule::{Step, free_variables, schedule, schedule_with};
 pub use tier::{Tier, Tiers};

@@ -1,6 +1,6 @@
 //! A scene whose every field is a node of one graph: what lowering makes, passes rewrite, and engines draw.
 
-use super::{Graph, Light, MeshInfo, NodeId, Surface, Type};
+use super::{Bands, Graph, Light, MeshInfo, NodeId, Surface, Type};
 use crate::source::Span;
 
 /// What one unit of the graph is worth.
@@ -18,34 +18,6 @@ impl Units {
     #[must_use]
     pub fn scale(self, length_exponent: f64) -> f64 {
         self.length.powf(-length_exponent)
-    }
-}
-
-/// How a picture's bands are shown.
-#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
-pub enum BandsKind {
-    /// 680, 550, 440 nm shown as R, G, B.
-    Rgb,
-    /// One band at 550 nm, shown grey.
-    Gray,
-    /// Wavelengths as listed; three of them are shown as R, G, B.
-    List,
-}
-
-/// The bands that every spectrum has.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bands {
-    /// How they are shown.
-    pub kind: BandsKind,
-    /// Wavelength of each, in metres. 1 to 4 of them; a spectrum node has this many components, or 1 when it is neutral.
-    pub wavelengths: Vec<f64>,
-}
-
-impl Bands {
-    /// Number of bands.
-    #[must_use]
-    pub fn count(&self) -> u8 {
-        self.wavelengths.len() as u8
     }
 }
 
@@ -301,13 +273,13 @@ pub struct Param {
 }
 
 /// A whole scene over one graph.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FieldScene {
     /// Every field.
     pub graph: Graph,
     /// What lengths are measured in.
     pub units: Units,
-    /// The bands of every spectrum.
+    /// The bands of every spectrum: all of the picture's, or a group of them.
     pub bands: Bands,
     /// Live controls, indexed by [`super::ParamId`].
     pub params: Vec<Param>,
@@ -365,6 +337,15 @@ impl FieldScene {
             image: self.image.clone(),
             render: self.render.clone(),
         }
+    }
+
+    /// Whether two scenes differ in their wavelengths at most, and in nothing that is made of them.
+    #[must_use]
+    pub fn is_same_but_for_bands(&self, other: &mut Self) -> bool {
+        let own = std::mem::replace(&mut other.bands, self.bands.clone());
+        let same = self == other;
+        other.bands = own;
+        same
     }
 
     /// The params' defaults in the graph's units.

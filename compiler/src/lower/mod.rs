@@ -37,6 +37,7 @@ use crate::source::Span;
 use fold::Folder;
 use rustc_hash::FxHashMap;
 use space::{Space, Transform};
+use std::ops::Range;
 
 /// Nodes a graph may have, literal rows of tables apart.
 const MAX_NODES: usize = 1 << 20;
@@ -53,10 +54,22 @@ const MAX_NESTED_TRIPS: i64 = 1 << 20;
 /// Iterations of all loops of a scene.
 const MAX_ALL_TRIPS: i64 = 1 << 24;
 
-/// Lowers a scene, with lengths measured in `units`. `None` if something was reported as an error.
+/// Lowers a scene of at most [`Bands::TOGETHER`] bands, with lengths measured in `units`. `None` if something was reported
+/// as an error.
 #[must_use]
 pub fn lower(scene: &hir::Scene, units: Units, diagnostics: &mut Diagnostics) -> Option<FieldScene> {
-    Lowerer::new(scene, units, diagnostics).scene()
+    lower_group(scene, units, 0..scene.image.wavelengths.len(), diagnostics)
+}
+
+/// Lowers a scene for some of its bands.
+#[must_use]
+pub fn lower_group(
+    scene: &hir::Scene,
+    units: Units,
+    group: Range<usize>,
+    diagnostics: &mut Diagnostics,
+) -> Option<FieldScene> {
+    Lowerer::new(scene, units, group, diagnostics).scene()
 }
 
 /// The power of two of metres nearest the size of the scene: half the largest extent of its bounded media; without
@@ -65,7 +78,8 @@ pub fn lower(scene: &hir::Scene, units: Units, diagnostics: &mut Diagnostics) ->
 pub fn choose_units(scene: &hir::Scene) -> Units {
     // Errors found here are found again, and reported, by the lowering that follows.
     let mut ignored = Diagnostics::default();
-    let size = Lowerer::new(scene, Units::METRE, &mut ignored).size();
+    let first = scene.image.all_bands().groups().first().cloned().unwrap_or_default();
+    let size = Lowerer::new(scene, Units::METRE, first, &mut ignored).size();
     match size {
         Some(size) if size.is_finite() && size > 0.0 => {
             Units { length: 2f64.powi(size.log2().round().clamp(-100.0, 100.0) as i32) }
@@ -120,7 +134,12 @@ type CallKey = (hir::FunctionId, u32, usize, Vec<u32>);
 struct Lowerer<'s, 'd> {
     scene: &'s hir::Scene,
     units: Units,
+    /// Those of the group that is lowered.
     bands: Bands,
+    /// What red, green and blue each have in them.
+    shares: Vec<[f64; 3]>,
+    /// Whether some colour that is not grey met a spectrum.
+    colored: bool,
     graph: Graph,
     diagnostics: &'d mut Diagnostics,
     /// Whether an error was reported since the start.
@@ -156,14 +175,17 @@ struct Lowerer<'s, 'd> {
 }
 
 impl<'s, 'd> Lowerer<'s, 'd> {
-    fn new(scene: &'s hir::Scene, units: Units, diagnostics: &'d mut Diagnostics) -> Self {
+    fn new(scene: &'s hir::Scene, units: Units, group: Range<usize>, diagnostics: &'d mut Diagnostics) -> Self {
+        let bands = scene.image.all_bands();
         let mut graph = Graph::default();
         graph.params = scene.params.iter().map(|p| p.ty.node_type()).collect();
         let space = Space::world(&mut graph);
         Self {
             scene,
             units,
-            bands: Bands { kind: scene.image.bands, wavelengths: scene.image.wavelengths.clone() },
+            shares: bands.resample()[group.clone()].to_vec(),
+            bands: bands.part(group),
+            colored: false,
             graph,
             diagnostics,
             failed: false,

@@ -4,8 +4,8 @@ use super::{Frame, Lowered, Lowerer, Value};
 use crate::check::hir::{self, ExprKind, Type};
 use crate::diagnostic::Diagnostic;
 use crate::ir::{
-    BandsKind, Camera, Composite, FieldScene, ImageInfo, Input, Medium, NodeId, Op, Projection, RenderInfo, Shape,
-    Tier, eval,
+    Bands, BandsKind, Camera, Composite, FieldScene, ImageInfo, Input, Medium, NodeId, Op, Projection, RenderInfo,
+    Shape, Tier, eval,
 };
 use crate::source::{SourceId, Span};
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -24,7 +24,7 @@ impl<'s> Lowerer<'s, '_> {
         let fits = match self.bands.kind {
             BandsKind::Rgb => count == 3,
             BandsKind::Gray => count == 1,
-            BandsKind::List => (1..=4).contains(&count),
+            BandsKind::List | BandsKind::Spectral => (1..=Bands::TOGETHER).contains(&count),
         };
         if !fits {
             let _ = self.broken_promise::<()>(here, "the number of bands");
@@ -51,6 +51,7 @@ impl<'s> Lowerer<'s, '_> {
         let composite = self.composite(&media);
         self.check_limits();
         self.check_nonzero();
+        self.check_colors();
         let (Ok(background), Ok(camera), Ok(exposure), Ok(composite)) = (background, camera, exposure, composite)
         else {
             return None;
@@ -85,6 +86,18 @@ impl<'s> Lowerer<'s, '_> {
                 max_work: render.max_work,
             },
         })
+    }
+
+    /// Says when colours cannot look as they are written.
+    fn check_colors(&mut self) {
+        let image = &self.scene.image;
+        let (true, Some(span), false) = (self.colored, image.span, image.all_bands().shows_colors()) else { return };
+        self.diagnostics.push(
+            Diagnostic::warning("W0528", "these bands cannot show every colour as it is written")
+                .at(span, "colours of the scene are seen through them")
+                .note("red, green and blue can be told apart by three bands or more, spread over 400 to 700 nm")
+                .hint("write `bands = rgb`, or `bands = spectral(8)`"),
+        );
     }
 
     /// A length that says how large the scene is, in the current units.

@@ -1,36 +1,10 @@
-//! How three numbers become one value per band.
-//!
-//! - In RGB mode a band is one of the three.
-//! - In grey mode the one band is their luminance (Rec. 709 / sRGB primaries).
-//! - In a list of wavelengths each band mixes the three by weights that sum to 1: red from 680 nm up, blue from 440 nm
-//!   down, green at 550 nm, and a smoothstep between neighbours. So a list of just these three wavelengths gives the
-//!   same values as RGB mode, and equal parts give the same value in every band.
+//! How three numbers become one value per band: in RGB mode a band is one of the three, in every other the bands say what
+//! share of red, green and blue each of them has ([`crate::ir::Bands::resample`]).
 //!
 //! Where the three parts are one and the same number the spectrum is neutral and stays a single number, in every mode.
 
 use super::Lowerer;
-use crate::ir::{BandsKind, NodeId};
-
-/// Luminance of linear sRGB.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
-/// Wavelengths at which red, green and blue stand alone, in metres.
-const PRIMARIES: [f64; 3] = [680e-9, 550e-9, 440e-9];
-
-/// The weights of red, green and blue at a wavelength in metres.
-pub(super) fn weights(wavelength: f64) -> [f64; 3] {
-    let [red, green, blue] = PRIMARIES;
-    let rise = |from: f64, to: f64| {
-        let t = ((wavelength - from) / (to - from)).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
-    };
-    if wavelength <= green {
-        let g = rise(blue, green);
-        [0.0, g, 1.0 - g]
-    } else {
-        let r = rise(green, red);
-        [r, 1.0 - r, 0.0]
-    }
-}
+use crate::ir::{BandsKind, LUMINANCE, NodeId};
 
 impl Lowerer<'_, '_> {
     /// `rgb(r, g, b)`
@@ -38,12 +12,11 @@ impl Lowerer<'_, '_> {
         if parts[0] == parts[1] && parts[1] == parts[2] {
             return parts[0];
         }
+        self.colored = true;
         match self.bands.kind {
             BandsKind::Rgb => self.vector(&parts),
-            BandsKind::Gray => self.weighted(parts, LUMINANCE),
-            BandsKind::List => {
-                let bands: Vec<NodeId> =
-                    self.bands.wavelengths.clone().into_iter().map(|w| self.weighted(parts, weights(w))).collect();
+            BandsKind::Gray | BandsKind::List | BandsKind::Spectral => {
+                let bands: Vec<NodeId> = self.shares.clone().into_iter().map(|w| self.weighted(parts, w)).collect();
                 self.vector(&bands)
             }
         }
@@ -57,13 +30,13 @@ impl Lowerer<'_, '_> {
         if let Some(grey) = self.graph.number(color) {
             return self.graph.scalar(grey);
         }
+        self.colored = true;
         match self.bands.kind {
             BandsKind::Rgb => color,
-            BandsKind::Gray => self.luminance(color),
-            BandsKind::List => {
+            BandsKind::Gray | BandsKind::List | BandsKind::Spectral => {
                 let mut bands = vec![];
-                for wavelength in self.bands.wavelengths.clone() {
-                    let row = self.graph.vector(&weights(wavelength));
+                for shares in self.shares.clone() {
+                    let row = self.graph.vector(&shares);
                     bands.push(self.graph.dot(color, row));
                 }
                 self.vector(&bands)

@@ -18,9 +18,14 @@ pub use reach::{reached, used_resources, used_structs};
 pub(crate) use verify_kernel::breaks;
 pub use verify_kernel::{MAX_BLOCK_DEPTH, MAX_EXPRESSION_DEPTH, verify};
 
-use crate::ir::FieldScene;
+use crate::ir::{Bands, FieldScene};
+use std::sync::Arc;
 
 /// A compiled scene.
+///
+/// A kernel has at most [`Bands::TOGETHER`] bands. A picture of more is drawn in parts, each by a program of its own: this
+/// one draws the first, [`Program::further`] the others. They share everything but what depends on the wavelength, so what
+/// is asked of the scene's geometry, camera, parameters and schedule may be asked of the first.
 #[derive(Clone, Debug)]
 pub struct Program {
     /// The scene as lowered, for the reference engine: a wrong pass cannot hide there.
@@ -31,6 +36,41 @@ pub struct Program {
     pub kernels: Vec<kernel::Kernel>,
     /// What to bind, fill and dispatch.
     pub plan: Plan,
-    /// What was left out, and why.
+    /// What was left out of all parts, and why. Empty in further parts.
     pub ledger: Ledger,
+    /// Every band of the picture; a further part has its own alone.
+    pub bands: Bands,
+    /// Where each of them is drawn.
+    pub places: Vec<BandPlace>,
+    /// The other parts.
+    pub further: Vec<Arc<Program>>,
+}
+
+/// Where a band of the picture is drawn.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct BandPlace {
+    /// 0 for the program itself, i + 1 for `further[i]`.
+    pub part: usize,
+    /// Which of its bands.
+    pub band: usize,
+}
+
+impl Program {
+    /// A program of one part, from the scene as lowered and as optimised.
+    #[must_use]
+    pub fn new(
+        (lowered, optimised): (FieldScene, FieldScene),
+        kernels: Vec<kernel::Kernel>,
+        plan: Plan,
+        ledger: Ledger,
+    ) -> Self {
+        let bands = lowered.bands.clone();
+        let places = (0..bands.wavelengths.len()).map(|band| BandPlace { part: 0, band }).collect();
+        Self { lowered, optimised, kernels, plan, ledger, bands, places, further: vec![] }
+    }
+
+    /// The program and its further parts.
+    pub fn parts(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(self.further.iter().map(|p| &**p))
+    }
 }

@@ -59,14 +59,9 @@ fn named_roots(scene: &FieldScene) -> Vec<(String, NodeId)> {
 /// The field graph of a scene, one node a line.
 #[must_use]
 pub fn print_scene(scene: &FieldScene) -> String {
-    let mut out = format!("// 1 unit of length = {} m; bands: {} \n", scene.units.length, bands(scene));
+    let mut out = format!("// 1 unit of length = {} m; bands: {} \n", scene.units.length, scene.bands);
     out.push_str(&print(&scene.graph, &named_roots(scene)));
     out
-}
-
-fn bands(scene: &FieldScene) -> String {
-    let nm: Vec<String> = scene.bands.wavelengths.iter().map(|w| format!("{:.0} nm", w * 1e9)).collect();
-    nm.join(", ")
 }
 
 /// Both graphs: as lowered, and as optimised.
@@ -134,7 +129,7 @@ pub fn print_plan(program: &Program) -> String {
         StepRule::Splats { count: Some(n), .. } => writeln!(out, "splats {n}, Gaussians on a lattice"),
         StepRule::Adaptive(a) => writeln!(out, "steps by local error control to accuracy {a:e}"),
     };
-    let _ = writeln!(out, "bands {}", bands(scene));
+    let _ = writeln!(out, "bands {}", scene.bands);
     let _ = writeln!(out, "unit of length {} m", scene.units.length);
     let _ = writeln!(out, "record of {} f32:", plan.stride);
     for output in &plan.outputs {

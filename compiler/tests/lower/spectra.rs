@@ -32,10 +32,15 @@ fn rgb_in_each_mode() {
     assert!(close(&grey, &[0.2126 + 2.0 * 0.7152 + 4.0 * 0.0722], 1e-15));
     // A list of the same wavelengths is the same spectrum.
     assert!(close(&absorbing(rgb(1.0, 2.0, 4.0), BandsKind::List, &RGB), &[1.0, 2.0, 4.0], 1e-12));
-    // Between two of them the values mix, beyond they stay.
+    // So is any list of three, since it is displayed as red, green and blue.
+    assert!(close(&absorbing(rgb(1.0, 2.0, 4.0), BandsKind::List, &[650e-9, 500e-9, 450e-9]), &[1.0, 2.0, 4.0], 1e-12));
+    // In others the three spectra of the table mix.
     let list = absorbing(rgb(1.0, 2.0, 4.0), BandsKind::List, &[780e-9, 615e-9, 495e-9, 380e-9]);
-    assert!(close(&list, &[1.0, 1.5, 3.0, 4.0], 1e-12), "{list:?}");
+    let mixed = [1.0, 0.9661 + 2.0 * 0.0339, 2.0 * 0.6112 + 4.0 * 0.3888, 0.0248 + 4.0 * 0.9752];
+    assert!(close(&list, &mixed, 1e-9), "{list:?}");
     assert!(close(&absorbing(rgb(1.0, 2.0, 4.0), BandsKind::List, &[550e-9]), &[2.0], 1e-12));
+    // A single band for all that is visible is grey.
+    assert_eq!(absorbing(rgb(1.0, 2.0, 4.0), BandsKind::Spectral, &[580e-9]), grey);
 }
 
 #[test]
@@ -57,7 +62,7 @@ fn a_colour_times_a_number_is_a_spectrum() {
     let grey = absorbing(product(), BandsKind::Gray, &[550e-9]);
     assert!(close(&grey, &[2.0 * (0.2126 * 0.5 + 0.7152 * 0.25 + 0.0722)], 1e-15));
     let list = absorbing(product(), BandsKind::List, &[615e-9, 550e-9]);
-    assert!(close(&list, &[2.0 * 0.375, 0.5], 1e-12));
+    assert!(close(&list, &[2.0 * (0.9661 * 0.5 + 0.0339 * 0.25), 0.5], 1e-9), "{list:?}");
 }
 
 #[test]
@@ -69,6 +74,32 @@ fn wavelength() {
     let expected = RGB.map(|w| (680e-9 / w).powi(4));
     assert!(close(&absorbing(k(), BandsKind::Rgb, &RGB), &expected, 1e-14));
     assert!(close(&absorbing(k(), BandsKind::Gray, &[550e-9]), &expected[1..2], 1e-14));
+}
+
+/// More bands than a value of the graph holds are lowered in groups, each with its own wavelengths and colours.
+#[test]
+fn groups_of_bands() {
+    let bands = compiler::ir::Bands::spectral(8);
+    let mut scene = scene();
+    (scene.image.bands, scene.image.wavelengths) = (bands.kind, bands.wavelengths.clone());
+    let law = op(BinaryOp::Divide, input(Input::Lambda), m(550e-9), Type::Spectrum(Dim::default()));
+    let k_a = op(BinaryOp::Multiply, law, rgb(1.0, 2.0, 4.0), coefficient());
+    scene.media.push(Medium { k_a: Some(k_a), ..medium("haze") });
+    let mut found = vec![];
+    for group in bands.groups() {
+        let mut diagnostics = compiler::diagnostic::Diagnostics::default();
+        let lowered = compiler::lower::lower_group(&scene, compiler::ir::Units::METRE, group.clone(), &mut diagnostics);
+        let lowered = lowered.expect("a field scene");
+        assert_eq!(lowered.bands.wavelengths, bands.wavelengths[group]);
+        found.extend(value(&lowered, lowered.media[0].k_a, &here(0.0, 0.0, 0.0)));
+    }
+    let expected: Vec<f64> = bands
+        .wavelengths
+        .iter()
+        .zip(bands.resample())
+        .map(|(w, [r, g, b])| w / 550e-9 * (r + 2.0 * g + 4.0 * b))
+        .collect();
+    assert!(close(&found, &expected, 1e-12), "{found:?}");
 }
 
 /// Functions of the prelude work band by band, with colours converted first.

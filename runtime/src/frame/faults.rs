@@ -19,6 +19,14 @@ impl FaultTally {
         }
     }
 
+    /// With those of another part of the program, or of more paths. Each was met by as many rays at least as met it in either.
+    pub fn join(&mut self, other: Self) {
+        for (code, (count, position)) in other.found {
+            let entry = self.found.entry(code).or_insert((count, position));
+            entry.0 = entry.0.max(count);
+        }
+    }
+
     /// Whether the driver ended loops early somewhere.
     #[must_use]
     pub fn is_cut_short(&self) -> bool {

@@ -2,7 +2,7 @@
 
 use super::session::Drawing;
 use super::{Camera, sample_offsets, stratified_pixels};
-use crate::engine::reference::{Goal, Options, Reference};
+use crate::engine::reference::{Goal, Options, WholeReference};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 
@@ -54,7 +54,7 @@ impl Measured {
 
     /// Compares `spread.0` pixels chosen by the seed `spread.1`; `allowed` is (A, W) of `accuracy`.
     pub(super) fn of<V: Voxels + ?Sized>(
-        reference: &Reference<'_, V>,
+        reference: &WholeReference<'_, V>,
         camera: &Camera,
         drawing: &Drawing,
         samples: Samples,

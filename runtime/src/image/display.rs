@@ -1,6 +1,6 @@
 //! The display transform: exposure, tone map, sRGB encoding.
 
-use super::{Picture, display_weights};
+use super::Picture;
 use compiler::ir::Tonemap;
 use rayon::prelude::*;
 
@@ -80,7 +80,7 @@ impl Picture {
         display: &Display,
         store: impl Fn(f64) -> T + Sync,
     ) -> (Vec<[T; 3]>, usize) {
-        let weights = display_weights(&self.bands);
+        let weights = self.bands.display();
         let pixels = self
             .radiance
             .par_chunks_exact(weights.len())

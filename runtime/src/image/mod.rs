@@ -8,7 +8,6 @@ mod exr;
 pub mod metric;
 mod npy;
 mod png;
-mod spectrum;
 #[cfg(test)]
 mod tests;
 
@@ -16,9 +15,8 @@ pub use self::exr::write_exr;
 pub use self::png::{SCENE_KEYWORD, read_png, read_png_scene, write_png};
 pub use display::{Display, Shown, srgb_decode, srgb_encode};
 pub use npy::write_npy;
-pub use spectrum::display_weights;
 
-use compiler::ir::{Bands, BandsKind};
+use compiler::ir::{Bands, BandsKind, nanometres};
 use std::path::Path;
 
 /// Linear radiance of every pixel in every band, and optionally transmittance.
@@ -98,15 +96,11 @@ impl Picture {
         match self.bands.kind {
             BandsKind::Rgb => ["R", "G", "B"].map(String::from).to_vec(),
             BandsKind::Gray => vec!["Y".into()],
-            BandsKind::List => self.bands.wavelengths.iter().map(|metres| nanometres(*metres)).collect(),
+            BandsKind::List | BandsKind::Spectral => {
+                self.bands.wavelengths.iter().map(|w| format!("{}nm", nanometres(*w).replace('.', ","))).collect()
+            }
         }
     }
-}
-
-/// A wavelength to a thousandth of a nanometre, without trailing zeros.
-fn nanometres(metres: f64) -> String {
-    let text = format!("{:.3}", metres * 1e9);
-    format!("{}nm", text.trim_end_matches('0').trim_end_matches('.').replace('.', ","))
 }
 
 /// Bits of a PNG sample.

@@ -7,7 +7,7 @@ use crate::check::hir::{Dim, Expr, Image};
 use crate::check::scope::Inputs;
 use crate::check::types::Ty;
 use crate::diagnostic::Diagnostic;
-use crate::ir::{Aa, BandsKind, Tonemap};
+use crate::ir::{Aa, Bands, BandsKind, Tonemap};
 use crate::resolve::ModuleId;
 use crate::syntax::ast::{self, Block, ExprKind, Property};
 
@@ -15,8 +15,6 @@ use crate::syntax::ast::{self, Block, ExprKind, Property};
 const RGB: [f64; 3] = [680e-9, 550e-9, 440e-9];
 /// The band of `bands = gray`.
 const GRAY: f64 = 550e-9;
-/// As many as one value of the graph holds.
-const MAX_BANDS: usize = 4;
 
 impl Checker<'_> {
     pub(super) fn image(&mut self, found: Option<(&ast::Item, &Block)>) -> Image {
@@ -134,11 +132,12 @@ impl Checker<'_> {
         match &property.value.kind {
             ExprKind::Name(name) if name == "rgb" => Some((BandsKind::Rgb, RGB.to_vec())),
             ExprKind::Name(name) if name == "gray" => Some((BandsKind::Gray, vec![GRAY])),
-            ExprKind::Call { function, .. } if function.text == "spectral" => {
+            ExprKind::Call { function, arguments } if function.text == "spectral" => self.spectral(property, arguments),
+            ExprKind::Name(name) if name == "spectral" => {
                 self.report(
-                    Diagnostic::error("E0912", "`bands = spectral(n)` is not there yet")
-                        .at(property.value.span, "asked for here")
-                        .hint("list up to four wavelengths: `bands = [650 nm, 550 nm, 450 nm]`"),
+                    Diagnostic::error("E0313", "`spectral` needs a number of bands")
+                        .at(property.value.span, "how many?")
+                        .hint("write `bands = spectral(16)`"),
                 );
                 None
             }
@@ -165,6 +164,49 @@ impl Checker<'_> {
                     self.wrong_word(property, "image", &known);
                 }
                 None
+            }
+        }
+    }
+
+    /// `spectral(n)`
+    fn spectral(&mut self, property: &Property, arguments: &[ast::Argument]) -> Option<(BandsKind, Vec<f64>)> {
+        let [ast::Argument { value, .. }] = arguments else {
+            self.report(
+                Diagnostic::error("E0313", "`spectral` takes one number")
+                    .at(property.value.span, "how many bands from 380 to 780 nm?")
+                    .hint("write `bands = spectral(16)`, or list wavelengths: `[680 nm, 550 nm, 440 nm]`"),
+            );
+            return None;
+        };
+        let number = self.fixed_value(ModuleId::SCENE, value, "image", "bands", Dim::NONE)?;
+        if number.fract() != 0.0 || number < 1.0 || number > Bands::MOST as f64 {
+            self.report(
+                Diagnostic::error("E0418", format!("a picture has 1 to {} bands", Bands::MOST))
+                    .at(value.span, format!("this is {number}"))
+                    .note("what the eye is known to see is tabulated in steps of 5 nm; closer bands would show nothing new")
+                    .hint("colours change little from `spectral(16)` on"),
+            );
+            return None;
+        }
+        let bands = Bands::spectral(number as u32);
+        Some((bands.kind, bands.wavelengths))
+    }
+
+    /// Warns of wavelengths in a list that goes through CIE XYZ, and have no place there.
+    fn invisible(&mut self, parts: &[ast::Expr], wavelengths: &[f64]) {
+        // One band is shown grey and three as red, green and blue, whatever they are.
+        if matches!(wavelengths.len(), 1 | 3) || !wavelengths.iter().any(|w| Bands::is_visible(*w)) {
+            return;
+        }
+        for (part, wavelength) in parts.iter().zip(wavelengths) {
+            if !Bands::is_visible(*wavelength) {
+                self.report(
+                    Diagnostic::warning("W0406", "a band that cannot be seen")
+                        .at(part.span, "outside 380 to 780 nm")
+                        .note(
+                            "it is computed, and is in EXR and NPY files and in probes, but a PNG shows nothing of it",
+                        ),
+                );
             }
         }
     }
@@ -196,13 +238,16 @@ impl Checker<'_> {
             good &= value.is_some();
             wavelengths.extend(value);
         }
-        if parts.len() > MAX_BANDS {
+        if parts.len() > Bands::MOST {
             self.report(
-                Diagnostic::error("E0913", format!("more than {MAX_BANDS} bands are not there yet"))
+                Diagnostic::error("E0418", format!("a picture has 1 to {} bands", Bands::MOST))
                     .at(property.value.span, format!("{} bands", parts.len()))
-                    .hint("draw several pictures with up to four bands each"),
+                    .hint("draw several pictures, each with some of them"),
             );
             return None;
+        }
+        if good {
+            self.invisible(parts, &wavelengths);
         }
         good.then_some((BandsKind::List, wavelengths))
     }

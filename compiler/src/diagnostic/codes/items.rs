@@ -100,7 +100,9 @@ which is no scattering at all, and the formula divides by zero.",
     CodeInfo {
         code: "E0418",
         title: "a list of bands that cannot be",
-        explanation: "A list of bands holds one wavelength at least, each above zero: `bands = [680 nm, 550 nm, 440 nm]`.",
+        explanation: "A picture has 1 to 64 bands: `bands = [680 nm, 550 nm, 440 nm]`, each wavelength above zero, or `bands = \
+spectral(16)`. More would be closer than the tables of what the eye sees. Each four bands are a program of their own, which \
+is compiled and drawn after the others, so that the cost grows with their number.",
     },
     CodeInfo {
         code: "W0402",
@@ -121,5 +123,12 @@ which is no scattering at all, and the formula divides by zero.",
         code: "W0405",
         title: "a shape without thickness",
         explanation: "A box whose `min` and `max` agree along an axis, or a slab or shell of no thickness, holds nothing, so nothing of it can be seen.",
+    },
+    CodeInfo {
+        code: "W0406",
+        title: "a band that cannot be seen",
+        explanation: "A list of two, or of four or more wavelengths is shown through CIE XYZ, which ends at 380 and 780 nm. What is \
+beyond is computed, and is in EXR and NPY files and in probes, but adds nothing to what a PNG shows. One band is shown grey, and \
+three as red, green and blue in their order, whatever they are.",
     },
 ];

@@ -188,6 +188,13 @@ more sizes matter than could be summed. Lobes and colours are right on the whole
 `spread`, or make it smaller.",
     },
     CodeInfo {
+        code: "W0528",
+        title: "bands that cannot show every colour",
+        explanation: "Colours are given to the bands as smooth spectra, and a picture of many bands shows them as they are written. \
+Two bands, or more that lie close together or beyond sight, cannot tell red, green and blue apart: a colour is seen through \
+them as through a filter. White stays white. `spectral(n)` with n of 3 or more shows every colour.",
+    },
+    CodeInfo {
         code: "E0530",
         title: "a backend cannot draw this",
         explanation: "\

@@ -19,14 +19,4 @@ pub(super) const CODES: &[CodeInfo] = &[
         explanation: "`none`, `analytic` and `ssaa(n)` are drawn as asked for; `msaa(n)`, `fxaa`, `smaa` and `taa` are drawn as \
 `analytic` for now, which smooths the edges of shapes.",
     },
-    CodeInfo {
-        code: "E0912",
-        title: "`bands = spectral(n)` is not there yet",
-        explanation: "Pictures have up to four bands so far: `rgb`, `gray`, or a list of wavelengths.",
-    },
-    CodeInfo {
-        code: "E0913",
-        title: "more than four bands are not there yet",
-        explanation: "Pictures have up to four bands so far. Draw several with up to four each.",
-    },
 ];

@@ -158,9 +158,29 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// What this program needs.
+    /// What this program needs, of all its parts the most.
     #[must_use]
     pub fn of(program: &Program) -> Self {
+        program.parts().map(Self::of_part).reduce(Self::or).unwrap_or_default()
+    }
+
+    /// The larger of both.
+    fn or(self, other: Self) -> Self {
+        let side = |grid: &Option<(u32, String)>| grid.as_ref().map_or(0, |g| g.0);
+        Self {
+            grid: if side(&other.grid) > side(&self.grid) { other.grid } else { self.grid },
+            textures: self.textures.max(other.textures),
+            storage_buffers: self.storage_buffers.max(other.storage_buffers),
+            storage_bytes: self.storage_bytes.max(other.storage_bytes),
+            uniform_bytes: self.uniform_bytes.max(other.uniform_bytes),
+            bindings: self.bindings.max(other.bindings),
+            workgroup: std::array::from_fn(|i| self.workgroup[i].max(other.workgroup[i])),
+            invocations: self.invocations.max(other.invocations),
+            targets: std::array::from_fn(|i| self.targets[i].max(other.targets[i])),
+        }
+    }
+
+    fn of_part(program: &Program) -> Self {
         let graph = &program.optimised.graph;
         let mut needs = Self { bindings: program.plan.bindings.len() as u32, ..Self::default() };
         for binding in &program.plan.bindings {

@@ -4,7 +4,7 @@ use super::adapter::{Gpu, TARGET_SIDE, TILE_BYTES};
 use super::errors::{GpuError, GpuErrorKind};
 use super::pipelines::Pipelines;
 use super::readback::{Flight, Once, Slot};
-use super::resources::{Resources, SceneData};
+use super::resources::{Resources, SceneData, Uploads};
 use super::tiles::{Pace, Walk};
 use super::uniforms::{Block, Part};
 use crate::frame::Frame;
@@ -32,16 +32,17 @@ pub struct Tile {
 }
 
 /// What a time was measured with.
-#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq)]
 pub enum Clock {
     /// Time stamps of the GPU, summed over the dispatches.
+    #[default]
     Gpu,
     /// The wall clock, from the first submission to the last readback.
     Wall,
 }
 
 /// What a drawing cost.
-#[derive(Copy, Clone, Debug, PartialEq)]
+#[derive(Copy, Clone, Debug, Default, PartialEq)]
 pub struct Timing {
     /// How long it took.
     pub milliseconds: f64,
@@ -49,6 +50,27 @@ pub struct Timing {
     pub clock: Clock,
     /// How many dispatches it was cut into.
     pub dispatches: u32,
+}
+
+impl Timing {
+    /// With that of another drawing, made before or after.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        let clock = if other.clock == Clock::Wall { Clock::Wall } else { self.clock };
+        let milliseconds = self.milliseconds + other.milliseconds;
+        Self { milliseconds, clock, dispatches: self.dispatches + other.dispatches }
+    }
+}
+
+impl Clock {
+    /// As in what `render` says.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Gpu => "gpu",
+            Self::Wall => "wall",
+        }
+    }
 }
 
 /// Where the rays of a dispatch come from.
@@ -71,27 +93,44 @@ pub struct Prepared {
 }
 
 impl Gpu {
-    /// Compiles the kernels and uploads what they read. `shaders[i]` is kernel `i`.
+    /// Compiles the kernels of every part of a program and uploads what they read, once for all of them. `shaders[i][j]` is
+    /// kernel `j` of part `i`.
     ///
     /// # Errors
     /// When memory does not suffice or the driver refuses.
     pub fn prepare(
         self: &Arc<Self>,
         program: &Arc<Program>,
-        shaders: Vec<Shader>,
+        shaders: Vec<Vec<Shader>>,
         data: SceneData<'_>,
-    ) -> Result<Prepared, GpuError> {
-        self.prepare_modules(program, shaders.into_iter().map(|s| s.module).collect(), data)
+    ) -> Result<Vec<Prepared>, GpuError> {
+        let mut uploads = Uploads::default();
+        let parts = std::iter::once(program).chain(&program.further);
+        let one = |(part, shaders): (&Arc<Program>, Vec<Shader>)| {
+            self.prepare_part(part, shaders.into_iter().map(|s| s.module).collect(), data, &mut uploads)
+        };
+        parts.zip(shaders).map(one).collect()
     }
 
+    #[cfg(test)]
     pub(super) fn prepare_modules(
         self: &Arc<Self>,
         program: &Arc<Program>,
         modules: Vec<naga::Module>,
         data: SceneData<'_>,
     ) -> Result<Prepared, GpuError> {
+        self.prepare_part(program, modules, data, &mut Uploads::default())
+    }
+
+    fn prepare_part(
+        self: &Arc<Self>,
+        program: &Arc<Program>,
+        modules: Vec<naga::Module>,
+        data: SceneData<'_>,
+        uploads: &mut Uploads,
+    ) -> Result<Prepared, GpuError> {
         let pipelines = Pipelines::new(self, program, modules)?;
-        let resources = Resources::new(self, program, data)?;
+        let resources = Resources::new(self, program, data, uploads)?;
         Ok(Prepared {
             gpu: Arc::clone(self),
             program: Arc::clone(program),
@@ -133,6 +172,11 @@ impl Prepared {
         let count = u32::try_from(rays.len())
             .map_err(|_| GpuError::new(GpuErrorKind::TooLarge, "more than 4294967295 rays at once"))?;
         self.run(frame, Source::List(rays), [count, 1], take)
+    }
+
+    /// Gives back the memory that only drawing needs, so that parts drawn one after another do not all hold theirs.
+    pub fn rest(&mut self) {
+        self.slots.clear();
     }
 
     fn expect(&self, rays: RaySource) -> Result<(), GpuError> {

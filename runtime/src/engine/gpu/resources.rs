@@ -4,10 +4,11 @@ use super::adapter::Gpu;
 use super::errors::GpuError;
 use super::pipelines::texture_format;
 use super::uniforms::{table_rows, to_f32};
-use compiler::ir::TableId;
 use compiler::ir::eval::Tables;
+use compiler::ir::{GridId, MeshId, TableId};
 use compiler::loader::{GridHeader, Scalar};
 use compiler::program::{Binding, Program};
+use std::collections::HashMap;
 
 /// Voxels in memory: x fastest, in the machine's byte order, as many as the header says.
 #[derive(Copy, Clone, Debug)]
@@ -25,6 +26,13 @@ pub struct SceneData<'a> {
     pub grids: &'a [GridData<'a>],
     /// Element `i` is mesh `i` of the scene, as [`Binding::Mesh`] says.
     pub meshes: &'a [Vec<f32>],
+}
+
+/// What has been uploaded once and is read by every part of a program: grids and meshes by their number.
+#[derive(Debug, Default)]
+pub(super) struct Uploads {
+    grids: HashMap<GridId, wgpu::TextureView>,
+    meshes: HashMap<MeshId, wgpu::Buffer>,
 }
 
 /// Bytes that are handed to wgpu at once. It keeps a copy until the upload is done, so this bounds that copy.
@@ -50,7 +58,12 @@ pub(super) struct Resources {
 }
 
 impl Resources {
-    pub(super) fn new(gpu: &Gpu, program: &Program, data: SceneData<'_>) -> Result<Self, GpuError> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        program: &Program,
+        data: SceneData<'_>,
+        uploads: &mut Uploads,
+    ) -> Result<Self, GpuError> {
         let mut resources = Self {
             grids: vec![],
             tables: vec![],
@@ -63,8 +76,11 @@ impl Resources {
         for binding in &program.plan.bindings {
             match binding {
                 Binding::Grid(id) => {
-                    let name = &program.optimised.graph.grid(*id).name;
-                    resources.grids.push(upload(gpu, name, data.grids[id.0 as usize])?);
+                    if !uploads.grids.contains_key(id) {
+                        let name = &program.optimised.graph.grid(*id).name;
+                        uploads.grids.insert(*id, upload(gpu, name, data.grids[id.0 as usize])?);
+                    }
+                    resources.grids.extend(uploads.grids.get(id).cloned());
                 }
                 Binding::Table(id) => {
                     let table = program.optimised.graph.table(*id);
@@ -78,15 +94,18 @@ impl Resources {
                     resources.tables.push((*id, buffer, vec![]));
                 }
                 Binding::Mesh(id) => {
-                    let numbers: &[u8] = bytemuck::cast_slice(&data.meshes[id.0 as usize]);
-                    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                        label: Some(&program.optimised.meshes[id.0 as usize].path),
-                        size: numbers.len() as u64,
-                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                        mapped_at_creation: false,
+                    let buffer = uploads.meshes.entry(*id).or_insert_with(|| {
+                        let numbers: &[u8] = bytemuck::cast_slice(&data.meshes[id.0 as usize]);
+                        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                            label: Some(&program.optimised.meshes[id.0 as usize].path),
+                            size: numbers.len() as u64,
+                            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                            mapped_at_creation: false,
+                        });
+                        gpu.queue.write_buffer(&buffer, 0, numbers);
+                        buffer
                     });
-                    gpu.queue.write_buffer(&buffer, 0, numbers);
-                    resources.meshes.push(buffer);
+                    resources.meshes.push(buffer.clone());
                 }
                 Binding::Cache => {
                     let size = 4 * program.plan.fill.map_or(1, |f| u64::from(f.floats)).max(1);

@@ -73,10 +73,9 @@ fn program(
     let scene = scene(graph);
     let extent = if rays == RaySource::Camera { Extent::Tile } else { Extent::Rays };
     let stage = Stage::Compute(if rays == RaySource::Camera { [8, 8, 1] } else { [64, 1, 1] });
-    Arc::new(Program {
-        lowered: scene.clone(),
-        optimised: scene,
-        kernels: vec![Kernel {
+    Arc::new(Program::new(
+        (scene.clone(), scene),
+        vec![Kernel {
             name: "main".into(),
             stage,
             structs: vec![],
@@ -84,7 +83,7 @@ fn program(
             functions: vec![],
             entry: Function::default(),
         }],
-        plan: Plan {
+        Plan {
             backend: "test",
             rays,
             outputs: vec![Output { kind: OutputKind::Radiance, offset: 0, width: stride as u8 }],
@@ -101,8 +100,8 @@ fn program(
             samples: 1,
             work_per_ray: 1,
         },
-        ledger: Ledger::default(),
-    })
+        Ledger::default(),
+    ))
 }
 
 fn field(name: &str, offset: u32, width: u8, integer: bool, source: UniformSource) -> UniformField {

@@ -50,10 +50,12 @@ mod tail;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod whole;
 
 pub use field::bad_coefficient;
 pub use render::{Picture, Pixels};
 pub use surface::{MeshHit, Meshes, Triangles};
+pub use whole::WholeReference;
 
 use crate::frame::vector::{Vec3, normalize};
 use compiler::diagnostic::Diagnostic;
@@ -120,8 +122,8 @@ impl Options {
     }
 }
 
-/// What kind of promise an error is.
-#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+/// What kind of promise an error is; the greater, the weaker.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ErrorKind {
     /// Nothing but rounding was approximated.
     Bound,

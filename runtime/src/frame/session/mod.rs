@@ -1,10 +1,12 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
+mod canvas;
 mod random;
 mod refine;
 mod slabs;
 mod splats;
 
+use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
     Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, LoadedMesh, Params, Vec3, pack_ray, sample_offsets,
@@ -12,14 +14,14 @@ use super::{
 };
 use crate::data::Volume;
 use crate::data::mesh::Mesh;
-use crate::engine::gpu::{AdapterChoice, Clock, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Tile, Timing};
-use crate::engine::reference::{self, MeshHit, Meshes, Reference};
+use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
+use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::Picture;
 use compiler::analysis::range::Range;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::Voxels;
 use compiler::ir::{Aa, FieldScene, GridId, MeshId, MeshInfo, Scattering};
-use compiler::program::{OutputKind, Plan, Program, StepRule, UniformSource};
+use compiler::program::{Program, StepRule, UniformField, UniformSource};
 use compiler::source::Sources;
 use std::sync::Arc;
 use std::time::Instant;
@@ -97,9 +99,20 @@ impl Meshes for Triangles {
 
 #[derive(Debug)]
 enum Engine {
-    Gpu(Box<Prepared>),
+    /// One for each part of the program.
+    Gpu(Vec<Prepared>),
     Cpu,
     Reference,
+}
+
+impl Engine {
+    /// Nothing on the processor.
+    fn prepared(&mut self) -> &mut [Prepared] {
+        match self {
+            Self::Gpu(parts) => parts,
+            Self::Cpu | Self::Reference => &mut [],
+        }
+    }
 }
 
 /// A compiled scene on an engine, with its grids loaded: draws as often as wanted.
@@ -210,16 +223,14 @@ impl Session {
         let Some(program) = compiled.program.filter(|_| !warnings.has_errors()) else {
             return Err(trouble(Cause::Input, &warnings));
         };
-        let mut shaders = vec![];
-        for kernel in &program.kernels {
-            match compiler::emit::emit(kernel) {
-                Ok(shader) => shaders.push(shader),
-                Err(error) => {
-                    warnings.push(error.diagnostic());
-                    return Err(trouble(Cause::Input, &warnings));
-                }
+        let emitted = program.parts().map(|part| part.kernels.iter().map(compiler::emit::emit).collect());
+        let shaders: Vec<Vec<compiler::emit::Shader>> = match emitted.collect::<Result<_, _>>() {
+            Ok(shaders) => shaders,
+            Err(error) => {
+                warnings.push(error.diagnostic());
+                return Err(trouble(Cause::Input, &warnings));
             }
-        }
+        };
         let compile_ms = milliseconds(started);
         let started = Instant::now();
         let infos = &program.lowered.graph.grids;
@@ -255,7 +266,8 @@ impl Session {
             warnings.push(machine(&error));
             trouble(Cause::Machine, &warnings)
         })?;
-        let majorants = program.plan.uniforms.fields.iter().any(|f| matches!(f.source, UniformSource::Majorant(_)));
+        let majorant = |f: &UniformField| matches!(f.source, UniformSource::Majorant(_));
+        let majorants = program.parts().any(|p| p.plan.uniforms.fields.iter().any(majorant));
         let grid_ranges = if majorants { loaded.iter().map(|l| values(&l.volume)).collect() } else { vec![] };
         Ok(Self {
             program,
@@ -305,10 +317,10 @@ impl Session {
     #[must_use]
     pub fn adapter(&self) -> Option<String> {
         match &self.engine {
-            Engine::Gpu(prepared) => {
+            Engine::Gpu(parts) => parts.first().map(|prepared| {
                 let adapter = prepared.gpu().adapter();
-                Some(format!("{} ({})", adapter.name, adapter.api))
-            }
+                format!("{} ({})", adapter.name, adapter.api)
+            }),
             Engine::Cpu | Engine::Reference => None,
         }
     }
@@ -359,7 +371,7 @@ impl Session {
     #[must_use]
     pub fn pipelines_created(&self) -> u32 {
         match &self.engine {
-            Engine::Gpu(prepared) => prepared.gpu().pipelines_created(),
+            Engine::Gpu(parts) => parts.first().map_or(0, |prepared| prepared.gpu().pipelines_created()),
             Engine::Cpu | Engine::Reference => 0,
         }
     }
@@ -458,24 +470,17 @@ impl Session {
 
     /// Draws one frame.
     fn canvas(&mut self, frame: &Frame, progress: &dyn Fn(f64)) -> Result<(Canvas, Timing), Trouble> {
-        let bands = self.program.lowered.bands.count() as usize;
-        let mut canvas = Canvas::new(&self.program.plan, frame.size, bands, frame);
-        let Engine::Gpu(prepared) = &mut self.engine else {
-            return Err(self.trouble(Cause::Machine, Diagnostics::default()));
-        };
-        let timing = prepared.draw(frame, &mut |tile, records| {
-            canvas.take(tile, records);
-            progress(canvas.done());
-        });
-        let timing = timing.map_err(|e| self.broken(&e))?;
+        let mut canvas = Canvas::new(&self.program, frame.size, frame);
+        let drawn = draw_parts(&mut self.engine, frame, &mut canvas, &|_| true, &mut |canvas| progress(canvas.done()));
+        let timing = drawn.map_err(|e| self.broken(&e))?;
         Ok((canvas, timing))
     }
 
     /// What was drawn, with what is known about it.
     fn drawing(&self, canvas: Canvas, timing: Timing, params: &Params, time: f64) -> Result<Drawing, Trouble> {
-        let size = canvas.size();
+        let size = canvas.size;
         let Canvas { radiance, transmittance, edges, predicted, evaluations, faults, .. } = canvas;
-        let bands = self.program.lowered.bands.clone();
+        let bands = self.program.bands.clone();
         Ok(Drawing {
             picture: Picture::new(size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
             edges,
@@ -486,15 +491,17 @@ impl Session {
             splats: None,
             evaluations,
             milliseconds: timing.milliseconds,
-            clock: match timing.clock {
-                Clock::Gpu => "gpu",
-                Clock::Wall => "wall",
-            },
+            clock: timing.clock.name(),
             dispatches: timing.dispatches,
             faults: faults.diagnostics(&self.program.lowered, "pixels"),
             params: params.clone(),
             time,
         })
+    }
+
+    fn reference(&self, params: &Params, time: f64) -> Result<WholeReference<'_, Grids>, Trouble> {
+        let engine = WholeReference::new(&self.program, &params.0, time, &self.grids);
+        Ok(engine.map_err(|d| self.input(d))?.with_meshes(&self.meshes))
     }
 
     fn image(&self, error: crate::image::ImageError) -> Trouble {
@@ -534,8 +541,7 @@ impl Session {
         let scene = &self.program.lowered;
         let started = Instant::now();
         let white = super::white(scene, &params.0, time);
-        let engine =
-            Reference::new(scene, &params.0, time, &self.grids).map_err(|d| self.input(d))?.with_meshes(&self.meshes);
+        let engine = self.reference(params, time)?;
         let offsets = sample_offsets(self.program.plan.samples);
         let options = self.picture_options(white);
         let drawn = engine.render(camera, &offsets, &options, progress).map_err(|d| self.input(d))?;
@@ -543,7 +549,7 @@ impl Session {
         let narrow = |list: &[f64]| list.iter().map(|v| *v as f32).collect::<Vec<f32>>();
         let predicted = worst(pixels.error.iter().copied(), pixels.radiance.iter().copied(), self.accuracy(), white);
         let (radiance, transmittance) = (narrow(&pixels.radiance), narrow(&pixels.transmittance));
-        let bands = scene.bands.clone();
+        let bands = self.program.bands.clone();
         Ok(Drawing {
             picture: Picture::new(camera.size, bands, radiance, Some(transmittance)).map_err(|e| self.image(e))?,
             edges: vec![],
@@ -573,9 +579,7 @@ impl Session {
         let scene = &self.program.lowered;
         let camera = self.camera(&drawing.params, drawing.time)?;
         let white = super::white(scene, &drawing.params.0, drawing.time);
-        let engine = Reference::new(scene, &drawing.params.0, drawing.time, &self.grids)
-            .map_err(|d| self.input(d))?
-            .with_meshes(&self.meshes);
+        let engine = self.reference(&drawing.params, drawing.time)?;
         let by_area = self.options.aa.unwrap_or(scene.image.aa) == Aa::Analytic;
         let samples = Samples::new(self.program.plan.samples, by_area);
         let allowed = (self.accuracy(), white);
@@ -620,10 +624,7 @@ impl Session {
         rays: &[([f64; 3], [f64; 3])],
         settings: &ProbeSettings,
     ) -> Result<Vec<RayAnswer>, Trouble> {
-        let scene = &self.program.lowered;
-        let engine = Reference::new(scene, &params.0, settings.time, &self.grids)
-            .map_err(|d| self.input(d))?
-            .with_meshes(&self.meshes);
+        let engine = self.reference(params, settings.time)?;
         let mut options = reference::Options { rtol: settings.rtol, ..Default::default() };
         if let Engine::Cpu = self.engine {
             // Relative alone, since a probe has no white.
@@ -659,24 +660,11 @@ impl Session {
         let mut frame = self.frame(params, settings.time, None, bounds);
         change(&mut frame);
         let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
-        let reader = Reader::new(&self.program.plan, scene.bands.count() as usize);
-        let (mut answers, mut faults) = (Vec::with_capacity(rays.len()), FaultTally::default());
-        let Engine::Gpu(prepared) = &mut self.engine else {
-            return Err(self.trouble(Cause::Machine, Diagnostics::default()));
-        };
-        let traced = prepared.trace(&frame, &packed, &mut |_, records| {
-            for record in records.chunks_exact(reader.stride) {
-                let list = |kind| reader.bands(record, kind).map(f64::from).collect::<Vec<f64>>();
-                answers.push(RayAnswer {
-                    radiance: list(OutputKind::Radiance),
-                    transmittance: list(OutputKind::Transmittance),
-                    optical_depth: list(OutputKind::OpticalDepth).into_iter().map(unbounded).collect(),
-                    error: list(OutputKind::Error),
-                    error_kind: "estimate",
-                    evaluations: reader.number(record, OutputKind::Evaluations).map_or(0, |n| n as u64),
-                });
-                reader.fault(record, &mut faults);
-            }
+        let mut answers = vec![RayAnswer::blank(self.program.places.len(), "estimate"); rays.len()];
+        let mut faults = FaultTally::default();
+        let traced = trace_parts(&mut self.engine, &self.program, &frame, &packed, &mut |reader, ray, record| {
+            reader.answer(record, &mut answers[ray]);
+            reader.fault(record, &mut faults);
         });
         traced.map_err(|e| self.broken(&e))?;
         if !faults.is_empty() {
@@ -686,15 +674,24 @@ impl Session {
     }
 }
 
+impl RayAnswer {
+    fn blank(bands: usize, error_kind: &'static str) -> Self {
+        let zeros = || vec![0.0; bands];
+        Self {
+            radiance: zeros(),
+            transmittance: zeros(),
+            optical_depth: zeros(),
+            error: zeros(),
+            error_kind,
+            evaluations: 0,
+        }
+    }
+}
+
 /// What the voxels of a grid can be.
 fn values(volume: &Volume) -> Range {
     let (low, high) = volume.range();
     Range { low, high, nan: false }
-}
-
-/// Kernels have no infinity: an integral that has no end is cut off at 3e38 before a coefficient scales it.
-fn unbounded(depth: f64) -> f64 {
-    if depth > 1e33 { f64::INFINITY } else { depth }
 }
 
 fn milliseconds(since: Instant) -> f64 {
@@ -724,7 +721,7 @@ fn machine(error: &GpuError) -> Diagnostic {
 /// The engine, and why it is not the GPU if that would have been taken.
 fn choose(
     program: &Arc<Program>,
-    shaders: Vec<compiler::emit::Shader>,
+    shaders: Vec<Vec<compiler::emit::Shader>>,
     (grids, meshes): (&[Loaded], &[LoadedMesh]),
     settings: &Settings,
 ) -> Result<(Engine, Option<String>), GpuError> {
@@ -733,7 +730,7 @@ fn choose(
         let grids: Vec<GridData<'_>> = grids.iter().map(|l| grid_data(&l.volume)).collect();
         let scale = program.lowered.units.scale(1.0);
         let meshes: Vec<Vec<f32>> = meshes.iter().map(|m| mesh_data(&m.mesh, scale)).collect();
-        gpu.prepare(program, shaders, SceneData { grids: &grids, meshes: &meshes }).map(|p| Engine::Gpu(Box::new(p)))
+        gpu.prepare(program, shaders, SceneData { grids: &grids, meshes: &meshes }).map(Engine::Gpu)
     };
     match settings.engine {
         EngineChoice::Gpu => Ok((gpu()?, None)),
@@ -758,121 +755,4 @@ fn mesh_data(mesh: &Mesh, scale: f64) -> Vec<f32> {
 
 fn grid_data(volume: &Volume) -> GridData<'_> {
     GridData { header: volume.header(), bytes: volume.bytes() }
-}
-
-/// Reads quantities out of records.
-#[derive(Clone, Debug)]
-struct Reader {
-    plan: Vec<compiler::program::Output>,
-    stride: usize,
-    bands: usize,
-}
-
-impl Reader {
-    fn new(plan: &Plan, bands: usize) -> Self {
-        Self { plan: plan.outputs.clone(), stride: plan.stride.max(1) as usize, bands }
-    }
-
-    fn find(&self, kind: OutputKind) -> Option<compiler::program::Output> {
-        self.plan.iter().copied().find(|o| o.kind == kind)
-    }
-
-    /// One number per band; a quantity of width 1 is the same in all. Nothing if it was not asked for.
-    fn bands<'r>(&self, record: &'r [f32], kind: OutputKind) -> impl Iterator<Item = f32> + use<'r> {
-        let output = self.find(kind);
-        let bands = if output.is_some() { self.bands } else { 0 };
-        let (offset, width) = output.map_or((0, 1), |o| (o.offset as usize, o.width.max(1) as usize));
-        (0..bands).map(move |b| record[offset + b.min(width - 1)])
-    }
-
-    fn number(&self, record: &[f32], kind: OutputKind) -> Option<f32> {
-        self.find(kind).map(|o| record[o.offset as usize])
-    }
-
-    fn fault(&self, record: &[f32], faults: &mut FaultTally) {
-        if let Some(o) = self.find(OutputKind::Fault) {
-            let at = o.offset as usize;
-            let position = std::array::from_fn(|i| f64::from(record[at + 1 + i]));
-            faults.add(record[at].to_bits(), position);
-        }
-    }
-}
-
-/// The picture while its tiles arrive.
-struct Canvas {
-    reader: Reader,
-    width: usize,
-    white: f64,
-    accuracy: f64,
-    filled: u64,
-    total: u64,
-    radiance: Vec<f32>,
-    transmittance: Option<Vec<f32>>,
-    edges: Vec<bool>,
-    predicted: Option<(f64, f64)>,
-    evaluations: Option<u64>,
-    faults: FaultTally,
-}
-
-impl Canvas {
-    fn new(plan: &Plan, size: [u32; 2], bands: usize, frame: &Frame) -> Self {
-        let count = size[0] as usize * size[1] as usize;
-        let has = |kind| plan.output(kind).is_some();
-        Self {
-            reader: Reader::new(plan, bands),
-            width: size[0] as usize,
-            white: frame.white,
-            accuracy: frame.accuracy,
-            filled: 0,
-            total: count as u64,
-            radiance: vec![0.0; count * bands],
-            transmittance: has(OutputKind::Transmittance).then(|| vec![0.0; count * bands]),
-            edges: if has(OutputKind::Edge) { vec![false; count] } else { vec![] },
-            predicted: has(OutputKind::Error).then_some((0.0, 0.0)),
-            evaluations: has(OutputKind::Evaluations).then_some(0),
-            faults: FaultTally::default(),
-        }
-    }
-
-    fn size(&self) -> [u32; 2] {
-        let width = self.width as u64;
-        [width as u32, (self.total / width.max(1)) as u32]
-    }
-
-    fn done(&self) -> f64 {
-        self.filled as f64 / self.total.max(1) as f64
-    }
-
-    fn take(&mut self, tile: Tile, records: &[f32]) {
-        let [x0, y0] = tile.origin.map(|n| n as usize);
-        let width = tile.size[0] as usize;
-        let (reader, bands) = (&self.reader, self.reader.bands);
-        for (i, record) in records.chunks_exact(reader.stride).enumerate() {
-            let pixel = (y0 + i / width) * self.width + x0 + i % width;
-            let own = pixel * bands..(pixel + 1) * bands;
-            let mut brightest = 0.0f64;
-            for (slot, value) in self.radiance[own.clone()].iter_mut().zip(reader.bands(record, OutputKind::Radiance)) {
-                *slot = value;
-                brightest = brightest.max(f64::from(value));
-            }
-            if let Some(transmittance) = &mut self.transmittance {
-                let values = reader.bands(record, OutputKind::Transmittance);
-                transmittance[own].iter_mut().zip(values).for_each(|(slot, value)| *slot = value);
-            }
-            let edge = reader.number(record, OutputKind::Edge).is_some_and(|e| e != 0.0);
-            if let Some(slot) = self.edges.get_mut(pixel) {
-                *slot = edge;
-            }
-            if let (Some(most), Some(error)) = (&mut self.predicted, reader.number(record, OutputKind::Error)) {
-                let error = f64::from(error);
-                most.0 = most.0.max(error);
-                most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));
-            }
-            if let (Some(sum), Some(n)) = (&mut self.evaluations, reader.number(record, OutputKind::Evaluations)) {
-                *sum += n as u64;
-            }
-            reader.fault(record, &mut self.faults);
-            self.filled += 1;
-        }
-    }
 }

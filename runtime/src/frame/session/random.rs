@@ -1,31 +1,37 @@
 //! Pictures and probes by random paths on the GPU: batches until the standard error is small enough.
 
 use super::Cause;
-use super::{Canvas, Drawing, Engine, ProbeSettings, RayAnswer, Reader, Session, Trouble, unbounded};
-use crate::engine::gpu::Clock;
+use super::canvas::{Canvas, draw_parts, trace_parts};
+use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::paths::{Batches, LEAST_BATCHES, TOGETHER, Tally};
 use crate::frame::{Camera, FaultTally, Frame, Params, pack_ray, scene_bounds};
 use crate::image::Picture;
-use compiler::diagnostic::{Diagnostic, Diagnostics};
-use compiler::program::{OutputKind, StepRule, UniformSource};
+use compiler::diagnostic::Diagnostic;
+use compiler::program::{OutputKind, Program, StepRule, UniformSource};
 use std::sync::Arc;
 
 impl Session {
-    /// Whether the picture is drawn by random paths.
+    /// Whether the picture, or some bands of it, are drawn by random paths.
     #[must_use]
     pub fn is_random(&self) -> bool {
-        matches!(self.program.plan.steps, StepRule::Paths(_))
+        self.random_parts().contains(&true)
+    }
+
+    /// Which parts of the program are: where some bands scatter nothing, theirs are not.
+    fn random_parts(&self) -> Vec<bool> {
+        self.program.parts().map(|p| matches!(p.plan.steps, StepRule::Paths(_))).collect()
     }
 
     fn batches(&self) -> Batches {
-        match self.program.plan.steps {
-            StepRule::Paths(samples) => Batches::new(samples),
+        let samples = self.program.parts().find_map(|p| match p.plan.steps {
+            StepRule::Paths(samples) => Some(samples),
             StepRule::Closed
             | StepRule::Fixed(_)
             | StepRule::Adaptive(_)
             | StepRule::Slabs { .. }
-            | StepRule::Splats { .. } => Batches::new(Some(1)),
-        }
+            | StepRule::Splats { .. } => None,
+        });
+        Batches::new(samples.unwrap_or(Some(1)))
     }
 
     /// Follows paths in batches until their standard error is within the accuracy at every pixel.
@@ -41,12 +47,17 @@ impl Session {
         let mut frame = self.frame(params, time, Some(camera), scene_bounds(scene, &params.0, time));
         self.check_majorants(&frame)?;
         let batches = self.batches();
-        let bands = scene.bands.count() as usize;
+        let bands = program.places.len();
+        let random = self.random_parts();
         let mut tally = Tally::new(camera.size[0] as usize * camera.size[1] as usize * bands);
-        let (mut milliseconds, mut dispatches, mut clock, mut look) = (0.0, 0, Clock::Gpu, LEAST_BATCHES);
+        let mut look = LEAST_BATCHES;
+        // What needs no paths is drawn once and is part of every batch.
+        let mut still = Canvas::new(&program, camera.size, &frame);
+        let drawn = draw_parts(&mut self.engine, &frame, &mut still, &|part| !random[part], &mut |_| {});
+        let mut timing = drawn.map_err(|e| self.broken(&e))?;
+        let mut cut_off = still.predicted.map_or(0.0, |p| p.0);
+        let mut faults = std::mem::take(&mut still.faults);
         let mut transmittance = None;
-        let mut cut_off = 0.0f64;
-        let mut faults = FaultTally::default();
         // Paths of one dispatch: fewer if the driver turns out to end loops early.
         let mut together = batches.size.min(TOGETHER);
         let mut done_paths = 0;
@@ -54,25 +65,18 @@ impl Session {
         while tally.batches() < batches.most {
             frame.first_path = tally.batches() * batches.size + done_paths;
             frame.paths = together.min(batches.size - done_paths);
-            let mut canvas = Canvas::new(&program.plan, camera.size, bands, &frame);
-            let Engine::Gpu(prepared) = &mut self.engine else {
-                return Err(self.trouble(Cause::Machine, Diagnostics::default()));
-            };
-            let timing = prepared.draw(&frame, &mut |tile, records| canvas.take(tile, records));
-            let timing = timing.map_err(|e| self.broken(&e))?;
-            milliseconds += timing.milliseconds;
-            dispatches += timing.dispatches;
-            if timing.clock == Clock::Wall {
-                clock = Clock::Wall;
-            }
+            let mut canvas = still.clone();
+            let drawn = draw_parts(&mut self.engine, &frame, &mut canvas, &|part| random[part], &mut |_| {});
+            timing = timing.and(drawn.map_err(|e| self.broken(&e))?);
             if canvas.faults.is_cut_short() {
                 if frame.paths == 1 {
-                    faults = canvas.faults;
+                    faults.join(canvas.faults);
                     break;
                 }
                 together = frame.paths / 2;
                 continue;
             }
+            faults.join(canvas.faults);
             let share = frame.paths as f32 / batches.size as f32;
             batch.iter_mut().zip(&canvas.radiance).for_each(|(sum, value)| *sum += share * value);
             done_paths += frame.paths;
@@ -99,7 +103,7 @@ impl Session {
         let worst = tally.worst(bands, frame.accuracy, frame.white);
         let radiance = tally.mean().iter().map(|v| *v as f32).collect();
         Ok(Drawing {
-            picture: Picture::new(camera.size, scene.bands.clone(), radiance, transmittance)
+            picture: Picture::new(camera.size, program.bands.clone(), radiance, transmittance)
                 .map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some((worst.0 + cut_off, worst.1)),
@@ -108,12 +112,9 @@ impl Session {
             slabs: None,
             splats: None,
             evaluations: None,
-            milliseconds,
-            clock: match clock {
-                Clock::Gpu => "gpu",
-                Clock::Wall => "wall",
-            },
-            dispatches,
+            milliseconds: timing.milliseconds,
+            clock: timing.clock.name(),
+            dispatches: timing.dispatches,
             faults: faults.diagnostics(scene, "pixels"),
             params: params.clone(),
             time,
@@ -122,9 +123,13 @@ impl Session {
 
     /// Delta tracking needs a bound of every coefficient that has no closed form.
     fn check_majorants(&self, frame: &Frame) -> Result<(), Trouble> {
-        let graph = &self.program.optimised.graph;
+        self.program.parts().try_for_each(|part| self.check_part(part, frame))
+    }
+
+    fn check_part(&self, part: &Program, frame: &Frame) -> Result<(), Trouble> {
+        let graph = &part.optimised.graph;
         let ranges = frame.majorants(graph);
-        for field in &self.program.plan.uniforms.fields {
+        for field in &part.plan.uniforms.fields {
             let UniformSource::Majorant(node) = field.source else { continue };
             let high = ranges[node.0 as usize].high;
             if high.is_finite() && high < 1e30 {
@@ -156,13 +161,13 @@ impl Session {
         let mut frame = self.frame(params, settings.time, None, bounds);
         self.check_majorants(&frame)?;
         let once: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
-        let bands = scene.bands.count() as usize;
-        let reader = Reader::new(&program.plan, bands);
+        let bands = program.places.len();
         let batches = self.batches();
         let size = if batches.open { 256 } else { batches.size };
         let most = if batches.open { batches.most / 64 } else { batches.most };
         let mut tally = Tally::new(rays.len() * bands);
-        let (mut depth, mut clear, mut cut_off) = (vec![], vec![], 0.0f64);
+        let mut answers = vec![RayAnswer::blank(bands, "standard-error"); rays.len()];
+        let mut cut_off = 0.0f64;
         // Each ray is followed by several invocations, each a few paths.
         let mut together = size.min(TOGETHER);
         while tally.batches() < most {
@@ -171,28 +176,16 @@ impl Session {
             frame.first_path = tally.batches() * together;
             let packed: Vec<_> = (0..copies).flat_map(|_| once.iter().copied()).collect();
             let mut batch = vec![0.0f32; rays.len() * bands];
-            let (mut faults, mut number) = (FaultTally::default(), 0);
-            let (mut clear_now, mut depth_now) = (vec![], vec![]);
-            let Engine::Gpu(prepared) = &mut self.engine else {
-                return Err(self.trouble(Cause::Machine, Diagnostics::default()));
-            };
-            let traced = prepared.trace(&frame, &packed, &mut |_, records| {
-                for record in records.chunks_exact(reader.stride) {
-                    let own = number % rays.len() * bands;
-                    for (sum, value) in
-                        batch[own..own + bands].iter_mut().zip(reader.bands(record, OutputKind::Radiance))
-                    {
-                        *sum += value / copies as f32;
-                    }
-                    cut_off = cut_off.max(f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0)));
-                    if number < rays.len() {
-                        let list = |kind| reader.bands(record, kind).map(f64::from).collect::<Vec<f64>>();
-                        clear_now.push(list(OutputKind::Transmittance));
-                        depth_now.push(list(OutputKind::OpticalDepth));
-                    }
-                    reader.fault(record, &mut faults);
-                    number += 1;
+            let mut faults = FaultTally::default();
+            // Parts that need no paths find the same each time, which costs little here.
+            let traced = trace_parts(&mut self.engine, &program, &frame, &packed, &mut |reader, number, record| {
+                let ray = number % rays.len();
+                for (band, value) in reader.bands(record, OutputKind::Radiance) {
+                    batch[ray * bands + band] += value / copies as f32;
                 }
+                cut_off = cut_off.max(f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0)));
+                reader.answer(record, &mut answers[ray]);
+                reader.fault(record, &mut faults);
             });
             traced.map_err(|e| self.broken(&e))?;
             if faults.is_cut_short() {
@@ -202,9 +195,6 @@ impl Session {
                 together /= 2;
                 continue;
             }
-            if tally.batches() == 0 {
-                (clear, depth) = (clear_now, depth_now);
-            }
             tally.add(&batch);
             let enough = batches.open && tally.batches() >= LEAST_BATCHES;
             if enough && tally.worst(bands, frame.accuracy, 0.0).1 <= 1.0 {
@@ -212,15 +202,11 @@ impl Session {
             }
         }
         let paths = u64::from(tally.batches()) * u64::from(size.div_ceil(together)) * u64::from(together);
-        Ok((0..rays.len())
-            .map(|i| RayAnswer {
-                radiance: tally.mean()[i * bands..(i + 1) * bands].to_vec(),
-                transmittance: clear[i].clone(),
-                optical_depth: depth[i].iter().copied().map(unbounded).collect(),
-                error: (0..bands).map(|b| tally.error(i * bands + b) + cut_off).collect(),
-                error_kind: "standard-error",
-                evaluations: paths,
-            })
-            .collect())
+        for (i, answer) in answers.iter_mut().enumerate() {
+            answer.radiance = tally.mean()[i * bands..(i + 1) * bands].to_vec();
+            answer.error = (0..bands).map(|b| tally.error(i * bands + b) + cut_off).collect();
+            answer.evaluations = paths;
+        }
+        Ok(answers)
     }
 }

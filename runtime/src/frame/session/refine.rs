@@ -4,8 +4,9 @@
 //! smooth, and of first order at creases and boundaries. The error at h is therefore estimated from what was found at H > h
 //! as |I(h) − I(H)| / (H/h − 1), which is exact for the first order and too large for the second.
 
-use super::{Canvas, Drawing, RayAnswer, Session, Trouble};
-use crate::engine::gpu::{Clock, Timing};
+use super::canvas::Canvas;
+use super::{Drawing, RayAnswer, Session, Trouble};
+use crate::engine::gpu::Timing;
 use crate::frame::{Frame, Params};
 
 /// How many pieces, and of what size.
@@ -36,14 +37,6 @@ impl Ladder {
     }
 }
 
-fn together(a: Timing, b: Timing) -> Timing {
-    Timing {
-        milliseconds: a.milliseconds + b.milliseconds,
-        clock: if a.clock == Clock::Gpu { b.clock } else { a.clock },
-        dispatches: a.dispatches + b.dispatches,
-    }
-}
-
 impl Session {
     /// Draws with more and more pieces; `frame` makes the drawing's frame of a number of them, and says what came of it. Gives how many pieces there
     /// were in all besides.
@@ -54,7 +47,7 @@ impl Session {
         progress: &dyn Fn(f64),
         frame: &dyn Fn(&Self, u32) -> (Frame, Pieces),
     ) -> Result<(Drawing, Pieces, u64), Trouble> {
-        let bands = self.program.lowered.bands.count() as usize;
+        let bands = self.program.places.len();
         let mut count = ladder.first;
         let mut before: Option<(Pieces, Canvas, Timing)> = None;
         let mut spent = 0u64;
@@ -72,7 +65,7 @@ impl Session {
                 count = ladder.next(count, 0.0);
                 continue;
             };
-            timing = together(timing, so_far);
+            timing = timing.and(so_far);
             let share = canvas.compare(&coarse, larger.size / pieces.size - 1.0, bands);
             canvas.evaluations = canvas.evaluations.zip(coarse.evaluations).map(|(a, b)| a + b);
             if share <= 1.0 || count >= ladder.most || !share.is_finite() {

@@ -51,7 +51,12 @@ impl Session {
         // What lies beyond the billboards, at most that share of all light.
         let brightest = f64::from(drawing.picture.radiance().iter().copied().fold(0.0, f32::max));
         let predicted = drawing.predicted.map(|(error, share)| (error + SPLAT_CUT * brightest, share));
-        Ok(Drawing { splats: Some(pieces.count), evaluations: Some(spent), predicted, ..drawing })
+        Ok(Drawing {
+            splats: Some(pieces.count),
+            evaluations: Some(spent * self.program.parts().count() as u64),
+            predicted,
+            ..drawing
+        })
     }
 
     /// Each ray on its own, since splats are put in order along one direction.
@@ -74,7 +79,7 @@ impl Session {
                 for answer in &mut answers {
                     // What lies beyond the billboards; the lattice's own error is found from another lattice.
                     answer.error = answer.radiance.iter().map(|l| SPLAT_CUT * l).collect();
-                    answer.evaluations = u64::from(pieces.count);
+                    answer.evaluations = u64::from(pieces.count) * session.program.parts().count() as u64;
                 }
                 Ok((answers, pieces))
             });

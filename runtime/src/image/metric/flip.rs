@@ -1,9 +1,9 @@
 //! LDR-FLIP: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild, "FLIP: A Difference Evaluator for
 //! Alternating Images", Proc. ACM Comput. Graph. Interact. Tech. 3(2), 2020. Names and constants are the paper's.
 
-use super::super::spectrum::XYZ_FROM_RGB;
 use super::super::{ImageError, Shown, srgb_decode};
-use glam::DVec3;
+use compiler::ir::XYZ_FROM_RGB;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -158,21 +158,25 @@ fn convolve(plane: &[f64], width: usize, height: usize, rows: &[f64], columns: &
     result
 }
 
+fn xyz_from_rgb() -> DMat3 {
+    DMat3::from_cols_array_2d(&XYZ_FROM_RGB).transpose()
+}
+
 /// Linearised CIELab, called YCxCz.
 fn opponent_from_rgb(rgb: DVec3) -> DVec3 {
-    let v = XYZ_FROM_RGB * rgb / (XYZ_FROM_RGB * DVec3::ONE);
+    let v = xyz_from_rgb() * rgb / (xyz_from_rgb() * DVec3::ONE);
     DVec3::new(116.0 * v.y - 16.0, 500.0 * (v.x - v.y), 200.0 * (v.y - v.z))
 }
 
 fn rgb_from_opponent(v: DVec3) -> DVec3 {
     let y = (v.x + 16.0) / 116.0;
     let relative = DVec3::new(v.y / 500.0 + y, y, y - v.z / 200.0);
-    XYZ_FROM_RGB.inverse() * (relative * (XYZ_FROM_RGB * DVec3::ONE))
+    xyz_from_rgb().inverse() * (relative * (xyz_from_rgb() * DVec3::ONE))
 }
 
 /// CIELab with chroma scaled by lightness: dark colours differ less (the Hunt effect).
 fn hunt(rgb: DVec3) -> DVec3 {
-    let v = XYZ_FROM_RGB * rgb / (XYZ_FROM_RGB * DVec3::ONE);
+    let v = xyz_from_rgb() * rgb / (xyz_from_rgb() * DVec3::ONE);
     let delta: f64 = 6.0 / 29.0;
     let f = |t: f64| if t > delta.powi(3) { t.cbrt() } else { t / (3.0 * delta * delta) + 4.0 / 29.0 };
     let lightness = 116.0 * f(v.y) - 16.0;
