@@ -40,6 +40,8 @@ pub(crate) enum Command {
     Emit(Emit),
     /// Follow rays: radiance, transmittance and optical depth along each
     Probe(Box<Probe>),
+    /// Draw error against run time: every backend and engine, coarser and finer, against the reference
+    Report(Box<Report>),
     /// Bring scenes into the one format
     Fmt(Fmt),
     /// Print the long form of a diagnostic, or a list of all of them
@@ -249,6 +251,41 @@ pub(crate) struct Probe {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct Report {
+    /// The scene; `-` reads it from standard input
+    pub(crate) scene: String,
+    /// The folder for report.html, report.json and report.csv; made if it does not exist
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Seconds that it may take, about; what does not fit is left out, and the report says what
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) budget: f64,
+    /// Set a parameter: `density=6` in SI, or with a unit: `"height=2 km"`. Repeats
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub(crate) set: Vec<String>,
+    /// Pixels, instead of a small picture of the scene's shape
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Only this backend
+    #[arg(long, value_enum)]
+    pub(crate) backend: Option<BackendName>,
+    /// Instead of `render.scattering`
+    #[arg(long, value_enum)]
+    pub(crate) scattering: Option<ScatteringName>,
+    /// Instead of `render.accuracy`, for what the scene itself would choose
+    #[arg(long, allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) accuracy: Option<f64>,
+    /// Of random numbers
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
+    /// Seconds
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
+    pub(crate) time: f64,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct Fmt {
     /// The scenes, rewritten in place; `-` goes from standard input to standard output
     #[arg(required = true)]
@@ -293,7 +330,7 @@ pub(crate) enum BackendName {
 }
 
 impl BackendName {
-    fn backend(self) -> Backend {
+    pub(crate) fn backend(self) -> Backend {
         match self {
             Self::Auto => Backend::Auto,
             Self::Raymarch => Backend::Raymarch,
@@ -314,7 +351,7 @@ pub(crate) enum ScatteringName {
 }
 
 impl ScatteringName {
-    fn scattering(self) -> Scattering {
+    pub(crate) fn scattering(self) -> Scattering {
         match self {
             Self::None => Scattering::None,
             Self::Single => Scattering::Single,

@@ -46,13 +46,18 @@ pub(crate) fn complain(text: &str) {
 
 /// Prints a document: its schema and version, then the rest.
 pub(crate) fn document(schema: &str, body: Value) {
+    say(&document_text(schema, body));
+}
+
+/// The text of a document.
+pub(crate) fn document_text(schema: &str, body: Value) -> String {
     let mut all = Map::new();
     all.insert("schema".into(), schema.into());
     all.insert("version".into(), 1.into());
     if let Value::Object(body) = body {
         all.extend(body);
     }
-    say(&format!("{:#}\n", Value::Object(all)));
+    format!("{:#}\n", Value::Object(all))
 }
 
 /// Prints diagnostics for people, in colour on a terminal.

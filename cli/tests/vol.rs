@@ -1,71 +1,11 @@
 //! The program as people and scripts use it: exit codes, documents and messages.
 
+mod place;
+
+use place::{Place, Run};
 use serde_json::Value;
 use std::fs;
-use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use tempfile::TempDir;
-
-/// What a run left behind.
-struct Run {
-    code: i32,
-    out: String,
-    err: String,
-}
-
-impl Run {
-    /// The document on standard output; also checks its head.
-    fn json(&self, schema: &str) -> Value {
-        let document: Value =
-            serde_json::from_str(&self.out).unwrap_or_else(|e| panic!("{e} in {}\n{}", self.out, self.err));
-        assert_eq!((&document["schema"], &document["version"]), (&schema.into(), &1.into()));
-        document
-    }
-
-    fn done(self) -> Self {
-        assert_eq!(self.code, 0, "{}{}", self.out, self.err);
-        self
-    }
-}
-
-/// A scratch folder to run in.
-struct Place(TempDir);
-
-impl Place {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a scratch folder"))
-    }
-
-    fn with(self, name: &str, text: &str) -> Self {
-        fs::write(self.path().join(name), text).expect("written");
-        self
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    fn vol(&self, arguments: &[&str]) -> Run {
-        self.piped(arguments, "")
-    }
-
-    fn piped(&self, arguments: &[&str], input: &str) -> Run {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_vol"))
-            .args(arguments)
-            .current_dir(self.path())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("vol starts");
-        // A command that does not read it closes the pipe.
-        let _ = child.stdin.take().expect("a pipe").write_all(input.as_bytes());
-        let output = child.wait_with_output().expect("vol ends");
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
-        Run { code: output.status.code().expect("no signal"), out: text(output.stdout), err: text(output.stderr) }
-    }
-}
 
 const BALL: &str = "//! A uniform glowing ball.
 param absorption = 2 /m in 0 /m .. 40 /m
@@ -91,7 +31,7 @@ fn an_unknown_command_is_told_which_there_are() {
     assert_eq!(run.code, 2);
     insta::assert_snapshot!(run.err, @r"
     error: there is no command `frobnicate`
-    help: the commands are render, check, emit, probe, fmt, explain, doctor, new
+    help: the commands are render, check, emit, probe, report, fmt, explain, doctor, new
     ");
     assert_eq!(run.out, "");
 }

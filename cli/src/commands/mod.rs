@@ -8,6 +8,7 @@ mod fmt;
 mod new;
 mod probe;
 mod render;
+mod report;
 
 use crate::args::{Arguments, Command};
 use crate::output::{self, Exit};
@@ -25,6 +26,7 @@ pub(crate) fn run(arguments: Arguments) -> Exit {
         Command::Check(a) => Ok(check::run(format, &a)),
         Command::Emit(a) => emit::run(format, &a).map_err(|t| (t, "vol.emit")),
         Command::Probe(a) => probe::run(format, &a).map_err(|t| (t, "vol.probe")),
+        Command::Report(a) => report::run(format, &a).map_err(|t| (t, "vol.report")),
         Command::Fmt(a) => Ok(fmt::run(format, &a)),
         Command::Explain(a) => explain::run(format, &a).map_err(|t| (t, "vol.explain")),
         Command::Doctor => Ok(doctor::run(format)),

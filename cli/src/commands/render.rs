@@ -4,10 +4,9 @@ use super::{nanometres, read};
 use crate::args::{Format, Render};
 use crate::output::{Exit, complain, diagnostics, diagnostics_json, document, number, progress, say, trouble};
 use compiler::ir::Bands;
-use compiler::ir::eval::evaluate_frame;
 use compiler::program::OutputKind;
 use runtime::frame::{Cause, Drawing, FileLoader, Measured, Params, Session, Settings, Trouble};
-use runtime::image::{self, Depth, Display, WriteOptions};
+use runtime::image::{self, Depth, WriteOptions};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -171,10 +170,8 @@ fn frame(
         bar.finish_and_clear();
         Some(measured?)
     };
-    let image = &session.program().lowered.image;
-    let exposure = evaluate_frame(&session.program().lowered.graph, &[image.exposure], &params.0, time);
     let options = WriteOptions {
-        display: Display { exposure: exposure[0][0], tonemap: image.tonemap },
+        display: session.display(params, time),
         depth: if arguments.depth == "16" { Depth::Sixteen } else { Depth::Eight },
         scene: Some(scene.to_owned()),
     };

@@ -7,7 +7,7 @@ use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 
 /// Samples of a pixel that straddles an edge, where the picture says what share of the pixel each side has.
-const COVERAGE: u32 = 256;
+pub(crate) const COVERAGE: u32 = 256;
 
 /// The measured error of a picture, in lx, over the pixels and bands that were compared. Pixels that straddle an edge are
 /// counted apart: within rounding of the edge either side is right.
@@ -108,7 +108,7 @@ impl Measured {
 }
 
 /// A NaN is as wrong as can be; equal infinities agree.
-fn difference(a: f64, b: f64) -> f64 {
+pub(crate) fn difference(a: f64, b: f64) -> f64 {
     let d = (a - b).abs();
     if a == b {
         0.0

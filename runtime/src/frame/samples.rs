@@ -47,7 +47,7 @@ pub fn stratified_pixels(size: [u32; 2], count: u32, seed: u64) -> Vec<[u32; 2]>
 }
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
-fn splitmix(state: &mut u64) -> u64 {
+pub(crate) fn splitmix(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let mut z = *state;
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

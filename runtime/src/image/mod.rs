@@ -12,7 +12,7 @@ mod png;
 mod tests;
 
 pub use self::exr::write_exr;
-pub use self::png::{SCENE_KEYWORD, read_png, read_png_scene, write_png};
+pub use self::png::{SCENE_KEYWORD, png_bytes, read_png, read_png_scene, write_png};
 pub use display::{Display, Shown, srgb_decode, srgb_encode};
 pub use npy::write_npy;
 

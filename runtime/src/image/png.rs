@@ -51,6 +51,24 @@ pub fn write_png(path: &Path, picture: &Picture, options: &WriteOptions) -> Resu
     Ok(Written { nan })
 }
 
+/// A small PNG in memory: eight bits, as shown.
+///
+/// # Errors
+/// `E0620` when there is no pixel.
+pub fn png_bytes(shown: &Shown) -> Result<Vec<u8>, ImageError> {
+    let fail = |e: png::EncodingError| ImageError::write(format!("a picture cannot be encoded: {e}"));
+    let mut out = vec![];
+    let mut encoder = Encoder::new(&mut out, shown.width, shown.height);
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
+    let mut writer = encoder.write_header().map_err(fail)?;
+    let bytes: Vec<u8> = shown.pixels.iter().flatten().map(|v| quantise(f64::from(*v), 255.0) as u8).collect();
+    writer.write_image_data(&bytes).map_err(fail)?;
+    writer.finish().map_err(fail)?;
+    Ok(out)
+}
+
 /// A grey picture with NaN in it needs colour to show that.
 fn is_grey(picture: &Picture, nan: usize) -> bool {
     picture.bands.kind == BandsKind::Gray && nan == 0

@@ -72,6 +72,21 @@ kind must be those of the parameter.
 ",
     },
     CodeInfo {
+        code: "E0642",
+        title: "the folder of a report cannot be written",
+        explanation: "\
+`vol report scene.vol -o DIR` writes DIR/report.html, DIR/report.json and DIR/report.csv, over older ones. The folder is made
+if it does not exist; what stands in its place must not be a file.
+",
+    },
+    CodeInfo {
+        code: "E0643",
+        title: "the reference is not compared with itself",
+        explanation: "\
+`vol report` compares every picture with that of the reference engine. `--engine gpu` and `--engine cpu` leave the other out.
+",
+    },
+    CodeInfo {
         code: "E0645",
         title: "there is no diagnostic of that code",
         explanation: "\

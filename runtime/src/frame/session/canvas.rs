@@ -137,6 +137,8 @@ pub(super) struct Canvas {
     pub(super) transmittance: Option<Vec<f32>>,
     pub(super) edges: Vec<bool>,
     pub(super) predicted: Option<(f64, f64)>,
+    /// Of each pixel, the largest over its bands.
+    pub(super) errors: Vec<f32>,
     pub(super) evaluations: Option<u64>,
     pub(super) faults: FaultTally,
 }
@@ -158,6 +160,7 @@ impl Canvas {
             transmittance: has(OutputKind::Transmittance).then(|| vec![0.0; count * bands]),
             edges: if has(OutputKind::Edge) { vec![false; count] } else { vec![] },
             predicted: has(OutputKind::Error).then_some((0.0, 0.0)),
+            errors: if has(OutputKind::Error) { vec![0.0; count] } else { vec![] },
             evaluations: has(OutputKind::Evaluations).then_some(0),
             faults: FaultTally::default(),
         }
@@ -190,6 +193,7 @@ impl Canvas {
             }
             // What is allowed follows the brightest band, which may be another part's: this is the stricter.
             if let (Some(most), Some(error)) = (&mut self.predicted, reader.number(record, OutputKind::Error)) {
+                self.errors[pixel] = self.errors[pixel].max(error);
                 let error = f64::from(error);
                 most.0 = most.0.max(error);
                 most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));

@@ -16,10 +16,10 @@ use crate::data::Volume;
 use crate::data::mesh::Mesh;
 use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
-use crate::image::Picture;
+use crate::image::{Display, Picture};
 use compiler::analysis::range::Range;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
-use compiler::ir::eval::Voxels;
+use compiler::ir::eval::{Voxels, evaluate_frame};
 use compiler::ir::{Aa, FieldScene, GridId, MeshId, MeshInfo, Scattering};
 use compiler::program::{Program, StepRule, UniformField, UniformSource};
 use compiler::source::Sources;
@@ -141,6 +141,9 @@ pub struct Drawing {
     pub edges: Vec<bool>,
     /// The largest error of a pixel as the engine knows it, in lx, and as a multiple of what `accuracy` allows there.
     pub predicted: Option<(f64, f64)>,
+    /// The error of each pixel in lx as the engine knows it, the largest over its bands, row by row; empty when the engine
+    /// does not say.
+    pub errors: Vec<f32>,
     /// What kind of error that is: `estimate` or `standard-error`.
     pub error_kind: &'static str,
     /// Paths of each pixel, if the picture was drawn by chance.
@@ -479,12 +482,13 @@ impl Session {
     /// What was drawn, with what is known about it.
     fn drawing(&self, canvas: Canvas, timing: Timing, params: &Params, time: f64) -> Result<Drawing, Trouble> {
         let size = canvas.size;
-        let Canvas { radiance, transmittance, edges, predicted, evaluations, faults, .. } = canvas;
+        let Canvas { radiance, transmittance, edges, errors, predicted, evaluations, faults, .. } = canvas;
         let bands = self.program.bands.clone();
         Ok(Drawing {
             picture: Picture::new(size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
             edges,
             predicted,
+            errors,
             error_kind: "estimate",
             paths: None,
             slabs: None,
@@ -508,6 +512,12 @@ impl Session {
         let mut diagnostic = Diagnostic::error(error.code, error.message);
         diagnostic.hints.extend(error.hint);
         self.input(diagnostic)
+    }
+
+    /// The reference engine on the scene as it was lowered.
+    fn reference(&self, params: &Params, time: f64) -> Result<Reference<'_, Grids>, Trouble> {
+        let engine = Reference::new(&self.program.lowered, &params.0, time, &self.grids).map_err(|d| self.input(d))?;
+        Ok(engine.with_meshes(&self.meshes))
     }
 
     /// What the reference engine is asked for when it draws a picture.
@@ -554,6 +564,7 @@ impl Session {
             picture: Picture::new(camera.size, bands, radiance, Some(transmittance)).map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some(predicted),
+            errors: pixels.error.chunks_exact(engine.bands()).map(largest).collect(),
             error_kind: match scene.render.scattering {
                 Scattering::None | Scattering::Single => reference::ErrorKind::Estimate.name(),
                 Scattering::Multiple => reference::ErrorKind::StandardError.name(),
@@ -569,6 +580,34 @@ impl Session {
             params: params.clone(),
             time,
         })
+    }
+
+    /// What the reference makes of some pixels: the mean over rays through `offsets` of each.
+    ///
+    /// # Errors
+    /// When it finds a fault in the scene.
+    pub(crate) fn exact_pixels(
+        &self,
+        params: &Params,
+        time: f64,
+        (pixels, offsets): (&[[u32; 2]], &[[f64; 2]]),
+        options: &reference::Options,
+    ) -> Result<reference::Pixels, Trouble> {
+        let camera = self.camera(params, time)?;
+        self.reference(params, time)?.pixels(&camera, pixels, offsets, options).map_err(|d| self.input(d))
+    }
+
+    /// Display white of the picture, in lx.
+    pub(crate) fn white(&self, params: &Params, time: f64) -> f64 {
+        super::white(&self.program.lowered, &params.0, time)
+    }
+
+    /// How the picture is shown.
+    #[must_use]
+    pub fn display(&self, params: &Params, time: f64) -> Display {
+        let scene = &self.program.lowered;
+        let exposure = evaluate_frame(&scene.graph, &[scene.image.exposure], &params.0, time);
+        Display { exposure: exposure[0][0], tonemap: scene.image.tonemap }
     }
 
     /// Compares a drawing with the reference on at most `count` pixels, spread over the picture by `seed`.
@@ -692,6 +731,11 @@ impl RayAnswer {
 fn values(volume: &Volume) -> Range {
     let (low, high) = volume.range();
     Range { low, high, nan: false }
+}
+
+/// The largest of a pixel's errors.
+fn largest(errors: &[f64]) -> f32 {
+    errors.iter().copied().fold(0.0, f64::max) as f32
 }
 
 fn milliseconds(since: Instant) -> f64 {

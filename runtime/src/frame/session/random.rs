@@ -101,12 +101,18 @@ impl Session {
             progress(done);
         }
         let worst = tally.worst(bands, frame.accuracy, frame.white);
+        let errors = (0..tally.mean().len() / bands).map(|i| {
+            let standard = (0..bands).map(|b| tally.error(i * bands + b)).fold(0.0, f64::max);
+            (standard + cut_off) as f32
+        });
+        let errors = errors.collect();
         let radiance = tally.mean().iter().map(|v| *v as f32).collect();
         Ok(Drawing {
             picture: Picture::new(camera.size, program.bands.clone(), radiance, transmittance)
                 .map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some((worst.0 + cut_off, worst.1)),
+            errors,
             error_kind: "standard-error",
             paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),
             slabs: None,

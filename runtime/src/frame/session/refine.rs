@@ -58,7 +58,7 @@ impl Session {
             let Some((larger, coarse, so_far)) = before.take() else {
                 if ladder.is_asked() {
                     // Only what was asked for: nothing tells how good it is but the comparison with the reference.
-                    canvas.predicted = None;
+                    (canvas.predicted, canvas.errors) = (None, vec![]);
                     return Ok((self.drawing(canvas, timing, params, time)?, pieces, spent));
                 }
                 before = Some((pieces, canvas, timing));
@@ -135,9 +135,13 @@ impl Canvas {
     fn compare(&mut self, coarse: &Self, ratio: f64, bands: usize) -> f64 {
         let own = self.predicted.unwrap_or((0.0, 0.0));
         let (mut error, mut share) = (0.0f64, 0.0f64);
-        for (fine, rough) in self.radiance.chunks_exact(bands).zip(coarse.radiance.chunks_exact(bands)) {
+        let pixels = self.radiance.chunks_exact(bands).zip(coarse.radiance.chunks_exact(bands));
+        for (pixel, (fine, rough)) in pixels.enumerate() {
             let off = fine.iter().zip(rough).map(|(a, b)| f64::from((a - b).abs()) / ratio).fold(0.0, f64::max);
             let brightest = fine.iter().fold(0.0f32, |m, v| m.max(*v));
+            if let Some(own) = self.errors.get_mut(pixel) {
+                *own += off as f32;
+            }
             error = error.max(off);
             share = share.max(off / (self.accuracy * self.white.max(f64::from(brightest))));
         }
