@@ -42,6 +42,8 @@ pub(crate) enum Command {
     Probe(Box<Probe>),
     /// Draw error against run time: every backend and engine, coarser and finer, against the reference
     Report(Box<Report>),
+    /// Put a scene through a numerical trial: extremes of params, lengths, cameras, coefficients, voxels and sizes
+    Stress(Stress),
     /// Bring scenes into the one format
     Fmt(Fmt),
     /// Print the long form of a diagnostic, or a list of all of them
@@ -283,6 +285,26 @@ pub(crate) struct Report {
     /// Seconds
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
     pub(crate) time: f64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Stress {
+    /// The scene; `-` reads it from standard input. Without one, scenes that are carried along put the program itself on trial
+    pub(crate) scene: Option<String>,
+    /// Seconds that each scene may take, about; what does not fit is left out, and is listed
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) budget: f64,
+    /// Set a parameter in every case that does not set it itself. Repeats
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub(crate) set: Vec<String>,
+    /// Only this backend
+    #[arg(long, value_enum)]
+    pub(crate) backend: Option<BackendName>,
+    /// Of random numbers
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
 }
 
 #[derive(Debug, Args)]

@@ -31,7 +31,7 @@ fn an_unknown_command_is_told_which_there_are() {
     assert_eq!(run.code, 2);
     insta::assert_snapshot!(run.err, @r"
     error: there is no command `frobnicate`
-    help: the commands are render, check, emit, probe, report, fmt, explain, doctor, new
+    help: the commands are render, check, emit, probe, report, stress, fmt, explain, doctor, new
     ");
     assert_eq!(run.out, "");
 }

@@ -7,6 +7,7 @@ use crate::ir::{Backend, FieldScene, Scattering};
 use crate::loader::Loader;
 use crate::program::{BandPlace, Ledger, Program};
 use crate::source::Sources;
+use crate::trial::{self, Change};
 use crate::{Compilation, Options, lower, passes, resolve};
 use std::sync::Arc;
 
@@ -27,8 +28,12 @@ pub fn check(name: &str, text: &str, loader: &dyn Loader) -> Compilation {
 /// Compiles a scene. `name` is what diagnostics call it; files it names are found relative to it, through the loader.
 pub fn compile(name: &str, text: &str, loader: &dyn Loader, options: &Options) -> Compilation {
     let (sources, mut diagnostics, scene) = check_scene(name, text, loader);
-    let program =
-        scene.filter(|_| !diagnostics.has_errors()).and_then(|scene| build(&scene, options, &mut diagnostics));
+    let program = scene.filter(|_| !diagnostics.has_errors()).and_then(|mut scene| {
+        if let Some(Change::Lengths(factor)) = options.change {
+            trial::stretch(&mut scene, factor);
+        }
+        build(&scene, options, &mut diagnostics)
+    });
     Compilation { sources, diagnostics, program }
 }
 
@@ -107,6 +112,9 @@ fn backend(
 
 /// Options change the schedule of both copies alike, before anything is built on it.
 fn apply(options: &Options, scene: &mut FieldScene) {
+    if let Some(change) = options.change {
+        trial::overlay(change, scene);
+    }
     let render = &mut scene.render;
     render.backend = options.backend.unwrap_or(render.backend);
     render.scattering = options.scattering.unwrap_or(render.scattering);

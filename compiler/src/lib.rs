@@ -20,6 +20,8 @@ pub mod library;
 pub mod resolve;
 // Types and dimensions.
 pub mod check;
+// Changes to a scene that put it to the test.
+pub mod trial;
 // Checked scene to field graph.
 pub mod lower;
 // The field graph: semantics, evaluation, derivatives.

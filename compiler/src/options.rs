@@ -4,8 +4,9 @@ use crate::diagnostic::Diagnostics;
 use crate::ir::{Aa, Backend, Scattering};
 use crate::program::{OutputKind, Program, RaySource};
 use crate::source::Sources;
+use crate::trial::Change;
 
-/// Overrides of the scene's schedule, and what is to come out. None of it changes what the scene means.
+/// Overrides of the scene's schedule, and what is to come out. None of it but [`Options::change`] changes what the scene means.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Where rays come from.
@@ -30,6 +31,8 @@ pub struct Options {
     pub size: Option<[u32; 2]>,
     /// Instead of `image.aa`.
     pub aa: Option<Aa>,
+    /// A change that puts the scene to the test.
+    pub change: Option<Change>,
 }
 
 impl Default for Options {
@@ -47,6 +50,7 @@ impl Default for Options {
             samples: None,
             size: None,
             aa: None,
+            change: None,
         }
     }
 }

@@ -7,3 +7,4 @@ pub mod engine;
 pub mod frame;
 pub mod image;
 pub mod report;
+pub mod stress;

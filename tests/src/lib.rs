@@ -2,6 +2,7 @@
 
 use compiler::Options;
 use compiler::diagnostic::{Diagnostics, Severity};
+use compiler::trial::Change;
 use runtime::frame::{
     Cause, Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble,
 };
@@ -152,9 +153,12 @@ pub fn draw_text(text: &str, options: Options) -> Option<(Vec<f32>, Vec<f32>)> {
 pub fn probe(path: &Path, options: Options, engine: EngineChoice) -> Option<Vec<(Expectation, RayAnswer)>> {
     let wanted = expectations(&text(path));
     assert!(!wanted.is_empty(), "{} expects nothing", path.display());
+    let stretch = if let Some(Change::Lengths(factor)) = options.change { factor } else { 1.0 };
     let mut session = open(path, options, engine)?;
     let params = Params::defaults(&session.program().lowered);
-    let rays: Vec<RayQuery> = wanted.iter().map(|e| RayQuery { origin: e.origin, direction: e.direction }).collect();
+    // A scene of another size is seen from places as far away.
+    let query = |e: &Expectation| RayQuery { origin: e.origin.map(|x| x * stretch), direction: e.direction };
+    let rays: Vec<RayQuery> = wanted.iter().map(query).collect();
     let answers = session.probe(&params, &rays, &ProbeSettings::default()).unwrap_or_else(|t| fail(path, &t));
     Some(wanted.into_iter().zip(answers).collect())
 }

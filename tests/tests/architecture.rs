@@ -20,6 +20,8 @@ const ROOMS: &[(&str, &[&str])] = &[
     // Operators keep their names from the syntax tree; nothing else of it is left after checking.
     ("lower", &["check::hir", "diagnostic", "ir", "loader", "source", "syntax::ast"]),
     ("program", &["ir", "loader", "source"]),
+    // Lengths are changed where numbers have dimensions, the rest in the graph.
+    ("trial", &["check::hir", "ir", "syntax::ast"]),
     // A grid's header bounds its values.
     ("analysis", &["ir", "loader"]),
     // Passes write into the ledger what they leave out.

@@ -2,6 +2,7 @@
 
 use compiler::Options;
 use compiler::ir::Backend;
+use compiler::trial::Change;
 use runtime::frame::EngineChoice;
 use tyndall_tests::{codes, every_scene, gpu_tolerance, name, probe, text};
 
@@ -16,17 +17,28 @@ fn pairs<'a>(expected: &'a Option<Vec<f64>>, found: &'a [f64]) -> impl Iterator<
 
 #[test]
 fn the_reference_agrees_to_nine_digits() {
-    reference("tests/suite", 1e-9);
+    reference("tests/suite", 1e-9, None);
 }
 
 #[test]
 fn the_reference_agrees_on_light_to_seven_digits() {
-    reference("tests/suite/light", 1e-7);
+    reference("tests/suite/light", 1e-7, None);
 }
 
-fn reference(folder: &str, tolerance: f64) {
+#[test]
+fn nothing_depends_on_the_unit_of_length() {
+    for factor in [1e6, 1e-6] {
+        let change = Some(Change::Lengths(factor));
+        reference("tests/suite", 1e-8, change);
+        reference("tests/suite/light", 1e-6, change);
+    }
+}
+
+fn reference(folder: &str, tolerance: f64, change: Option<Change>) {
     every_scene(folder, |path| {
-        let answers = probe(path, Options::probe(), EngineChoice::Reference).expect("the reference needs no machine");
+        // An optical depth has no unit either.
+        let options = Options { change, ..Options::probe() };
+        let answers = probe(path, options, EngineChoice::Reference).expect("the reference needs no machine");
         let mut wrong = vec![];
         for (e, a) in answers {
             let lists =

@@ -9,6 +9,7 @@ mod new;
 mod probe;
 mod render;
 mod report;
+mod stress;
 
 use crate::args::{Arguments, Command};
 use crate::output::{self, Exit};
@@ -27,6 +28,7 @@ pub(crate) fn run(arguments: Arguments) -> Exit {
         Command::Emit(a) => emit::run(format, &a).map_err(|t| (t, "vol.emit")),
         Command::Probe(a) => probe::run(format, &a).map_err(|t| (t, "vol.probe")),
         Command::Report(a) => report::run(format, &a).map_err(|t| (t, "vol.report")),
+        Command::Stress(a) => stress::run(format, &a).map_err(|t| (t, "vol.stress")),
         Command::Fmt(a) => Ok(fmt::run(format, &a)),
         Command::Explain(a) => explain::run(format, &a).map_err(|t| (t, "vol.explain")),
         Command::Doctor => Ok(doctor::run(format)),

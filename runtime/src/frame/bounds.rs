@@ -41,7 +41,7 @@ pub fn scene_bounds(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Optio
 
 /// A ball around the media that are bounded, whatever else there is.
 #[must_use]
-pub(super) fn bounded_media(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Option<Ball> {
+pub(crate) fn bounded_media(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Option<Ball> {
     let of = |nodes: &[NodeId]| evaluate_frame(&scene.graph, nodes, params, time);
     let balls = scene.media.iter().filter_map(|m| shape(&m.shape, &of));
     balls.reduce(Ball::with).filter(|b| b.radius > 0.0 && b.radius.is_finite())

@@ -14,6 +14,21 @@ pub const STDIN: &str = "-";
 /// Texts longer than this are no scenes.
 const MAX_TEXT: u64 = 64 << 20;
 
+/// Everything that a scene reads: texts and headers for the compiler, voxels and triangles for the engines.
+pub trait SceneFiles: Loader {
+    /// Reads the grids of a program. Element `i` is grid `i`.
+    ///
+    /// # Errors
+    /// What is wrong, and with which grid.
+    fn volumes(&self, grids: &[GridInfo]) -> Result<Vec<Loaded>, (LoadError, usize)>;
+
+    /// Reads the meshes of a program. Element `i` is mesh `i`.
+    ///
+    /// # Errors
+    /// What is wrong, and with which mesh.
+    fn meshes(&self, meshes: &[MeshInfo]) -> Result<Vec<LoadedMesh>, (LoadError, usize)>;
+}
+
 /// Reads modules, grids and meshes from the file system. Paths in a scene are relative to the file that names them; names of
 /// sources are relative to `root`, and the scene from standard input lies in `root` itself.
 #[derive(Clone, Debug)]
@@ -75,49 +90,6 @@ impl FileLoader {
         let bytes = fs::read(&path).map_err(|e| fail(&format!("cannot be read: {e}"), None))?;
         String::from_utf8(bytes).map_err(|_| fail("is not UTF-8 text", Some("scenes are text in UTF-8")))
     }
-
-    /// Reads the grids of a program, each file once. Element `i` is grid `i`.
-    ///
-    /// # Errors
-    /// What the readers report, with the grid's declaration.
-    pub fn volumes(&self, grids: &[GridInfo]) -> Result<Vec<Loaded>, (LoadError, usize)> {
-        let mut loaded: Vec<Loaded> = vec![];
-        for (i, grid) in grids.iter().enumerate() {
-            let name = Self::resolve(&grid.from, &grid.path);
-            if let Some(same) = loaded.iter().find(|l| l.name == name) {
-                loaded.push(Loaded { warnings: vec![], ..same.clone() });
-                continue;
-            }
-            let (volume, warnings) = data::read_volume(&self.root.join(&name)).map_err(|e| (e, i))?;
-            // By their text: a number that is not one differs from itself, and must not here.
-            if format!("{:?}", volume.header()) != format!("{:?}", grid.header) {
-                return Err((changed(&name), i));
-            }
-            loaded.push(Loaded { name, volume: Arc::new(volume), warnings });
-        }
-        Ok(loaded)
-    }
-
-    /// Reads the meshes of a program, each file once. Element `i` is mesh `i`.
-    ///
-    /// # Errors
-    /// What the readers report, with the number of the mesh.
-    pub fn meshes(&self, meshes: &[MeshInfo]) -> Result<Vec<LoadedMesh>, (LoadError, usize)> {
-        let mut loaded: Vec<LoadedMesh> = vec![];
-        for (i, info) in meshes.iter().enumerate() {
-            let name = Self::resolve(&info.from, &info.path);
-            if let Some(same) = loaded.iter().find(|l| l.name == name) {
-                loaded.push(LoadedMesh { warnings: vec![], ..same.clone() });
-                continue;
-            }
-            let (mesh, warnings) = mesh::read_mesh(&self.root.join(&name)).map_err(|e| (e, i))?;
-            if mesh.header() != info.header {
-                return Err((changed(&name), i));
-            }
-            loaded.push(LoadedMesh { name, mesh: Arc::new(mesh), warnings });
-        }
-        Ok(loaded)
-    }
 }
 
 fn changed(name: &str) -> LoadError {
@@ -162,6 +134,44 @@ impl Loader for FileLoader {
 
     fn mesh(&self, from: &str, path: &str) -> Result<MeshHeader, LoadError> {
         mesh::read_mesh_header(&self.root.join(Self::resolve(from, path)))
+    }
+}
+
+/// Each file is read once.
+impl SceneFiles for FileLoader {
+    fn volumes(&self, grids: &[GridInfo]) -> Result<Vec<Loaded>, (LoadError, usize)> {
+        let mut loaded: Vec<Loaded> = vec![];
+        for (i, grid) in grids.iter().enumerate() {
+            let name = Self::resolve(&grid.from, &grid.path);
+            if let Some(same) = loaded.iter().find(|l| l.name == name) {
+                loaded.push(Loaded { warnings: vec![], ..same.clone() });
+                continue;
+            }
+            let (volume, warnings) = data::read_volume(&self.root.join(&name)).map_err(|e| (e, i))?;
+            // By their text: a number that is not one differs from itself, and must not here.
+            if format!("{:?}", volume.header()) != format!("{:?}", grid.header) {
+                return Err((changed(&name), i));
+            }
+            loaded.push(Loaded { name, volume: Arc::new(volume), warnings });
+        }
+        Ok(loaded)
+    }
+
+    fn meshes(&self, meshes: &[MeshInfo]) -> Result<Vec<LoadedMesh>, (LoadError, usize)> {
+        let mut loaded: Vec<LoadedMesh> = vec![];
+        for (i, info) in meshes.iter().enumerate() {
+            let name = Self::resolve(&info.from, &info.path);
+            if let Some(same) = loaded.iter().find(|l| l.name == name) {
+                loaded.push(LoadedMesh { warnings: vec![], ..same.clone() });
+                continue;
+            }
+            let (mesh, warnings) = mesh::read_mesh(&self.root.join(&name)).map_err(|e| (e, i))?;
+            if mesh.header() != info.header {
+                return Err((changed(&name), i));
+            }
+            loaded.push(LoadedMesh { name, mesh: Arc::new(mesh), warnings });
+        }
+        Ok(loaded)
     }
 }
 

@@ -19,15 +19,17 @@ mod slabs;
 mod tests;
 pub(crate) mod vector;
 
+pub(crate) use bounds::bounded_media;
 pub use bounds::{Ball, scene_bounds};
 pub use camera::{Camera, View};
 pub use eye::{Eye, Frame, pack_ray, white};
 pub use faults::FaultTally;
 pub use lattice::Lattice;
-pub use loader::{FileLoader, Loaded, LoadedMesh, STDIN};
+pub use loader::{FileLoader, Loaded, LoadedMesh, STDIN, SceneFiles};
 pub use measure::Measured;
 pub(crate) use measure::{COVERAGE, difference};
 pub use params::Params;
+pub(crate) use params::with_unit;
 pub(crate) use samples::splitmix;
 pub use samples::{sample_offsets, stratified_pixels};
 pub use session::{Cause, Drawing, EngineChoice, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};

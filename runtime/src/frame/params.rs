@@ -71,7 +71,7 @@ fn assign(scene: &FieldScene, set: &str, found: &mut Diagnostics) -> Result<(usi
 }
 
 /// A number with the SI unit of the parameter.
-fn with_unit(value: f64, param: &Param) -> String {
+pub(crate) fn with_unit(value: f64, param: &Param) -> String {
     let unit = dimension(param.dimension);
     if unit.is_empty() { format!("{value}") } else { format!("{value} {unit}") }
 }

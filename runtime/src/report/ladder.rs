@@ -3,7 +3,7 @@
 use super::compare::{Compared, compare};
 use super::fit::fit;
 use super::truth::Truth;
-use super::{LeftOut, Row, Series, Slope, Study, Way, name_of, sentence};
+use super::{LeftOut, Row, Series, Slope, Study, Way, sentence};
 use crate::frame::{Drawing, EngineChoice, Params, Session};
 use compiler::Options;
 use compiler::ir::Backend;
@@ -275,7 +275,7 @@ pub(super) fn climb(
                 continue;
             }
             let share = ((study.spent() - begun) / all).clamp(0.0, 1.0);
-            progress(0.5 + 0.5 * share, &format!("{}, {} {value}", name_of(line.way), line.quantity.name()));
+            progress(0.5 + 0.5 * share, &format!("{}, {} {value}", line.way.name(), line.quantity.name()));
             let started = Instant::now();
             match picture(study, line.way, Some((line.quantity, value))) {
                 Ok((row, drawing, _)) => {

@@ -24,23 +24,22 @@ mod ladder;
 mod tests;
 mod truth;
 
-pub use compare::{Edges, Errors, Predicted};
-pub use fit::Slope;
-pub use ladder::{Quantity, Theory};
-pub use truth::ReferenceFacts;
-
-use crate::engine::gpu::AdapterChoice;
+pub(crate) use crate::engine::gpu::AdapterChoice;
 use crate::frame::{EngineChoice, FileLoader, Params, Session, Settings, Trouble};
 use crate::image::Shown;
+pub use compare::{Edges, Errors, Predicted};
 use compiler::Options;
 use compiler::backends::REGISTRY;
 use compiler::diagnostic::{Diagnostics, Severity};
 use compiler::ir::{Aa, Backend, Scattering};
 use compiler::program::OutputKind;
 use compiler::source::Sources;
+pub use fit::Slope;
 use ladder::Line;
-use std::time::Instant;
-use truth::Truth;
+pub use ladder::{Quantity, Theory};
+use std::time::{Duration, Instant};
+pub use truth::ReferenceFacts;
+pub(crate) use truth::Truth;
 
 /// Part of the budget that the reference picture may take.
 const TRUTH: f64 = 0.4;
@@ -190,13 +189,13 @@ pub struct Report {
 
 /// What is drawn by.
 #[derive(Copy, Clone, Debug, PartialEq)]
-struct Way {
-    engine: EngineChoice,
-    backend: Backend,
+pub(crate) struct Way {
+    pub(crate) engine: EngineChoice,
+    pub(crate) backend: Backend,
 }
 
 impl Way {
-    fn engine_name(self) -> &'static str {
+    pub(crate) fn engine_name(self) -> &'static str {
         match self.engine {
             EngineChoice::Gpu | EngineChoice::Auto => "gpu",
             EngineChoice::Cpu => "cpu",
@@ -204,8 +203,16 @@ impl Way {
         }
     }
 
+    /// `gpu raymarch`, or `cpu`.
+    pub(crate) fn name(self) -> String {
+        match self.backend_name() {
+            Some(backend) => format!("{} {backend}", self.engine_name()),
+            None => self.engine_name().to_owned(),
+        }
+    }
+
     /// The processor does not draw by kernels, whichever backend made them.
-    fn backend_name(self) -> Option<&'static str> {
+    pub(crate) fn backend_name(self) -> Option<&'static str> {
         match self.engine {
             EngineChoice::Gpu | EngineChoice::Auto => REGISTRY.iter().find(|b| b.0 == self.backend).map(|b| b.1),
             EngineChoice::Cpu | EngineChoice::Reference => None,
@@ -260,7 +267,7 @@ impl Study<'_> {
 }
 
 /// The first error of a failure, on one line.
-fn sentence(trouble: &Trouble) -> String {
+pub(crate) fn sentence(trouble: &Trouble) -> String {
     let error = trouble.diagnostics.iter().find(|d| d.severity == Severity::Error);
     error.or(trouble.diagnostics.iter().next()).map_or_else(String::new, |d| format!("{}: {}", d.code, d.message))
 }
@@ -290,9 +297,9 @@ pub fn report(
     let mut left_out = vec![];
     let mut lines: Vec<Line> = vec![];
     let mut edges = vec![false; size[0] as usize * size[1] as usize];
-    let ways = ways(request);
+    let ways = ways(request.engine, request.backend);
     for (i, way) in ways.iter().enumerate() {
-        progress(0.2 * i as f64 / ways.len() as f64, &format!("{}, as the scene says", name_of(*way)));
+        progress(0.2 * i as f64 / ways.len() as f64, &format!("{}, as the scene says", way.name()));
         match ladder::begin(&study, *way, request.budget * CHOSEN) {
             Ok((own, drawing)) => {
                 edges.iter_mut().zip(&drawing.edges).for_each(|(edge, found)| *edge |= found);
@@ -309,7 +316,10 @@ pub fn report(
     }
 
     let until = study.spent() + request.budget * TRUTH;
-    truth.draw(&study, &params, &edges, until, &|share| progress(0.2 + 0.3 * share, "the reference picture"))?;
+    let (session, _) = study.open(reference, size, |_| {})?;
+    let until = study.started + Duration::from_secs_f64(until);
+    let tell = |share| progress(0.2 + 0.3 * share, "the reference picture");
+    truth.draw(&session, &params, request.time, &edges, (true, until), &tell)?;
     for line in &mut lines {
         line.compare_pending(&truth, &edges);
     }
@@ -335,23 +345,16 @@ pub fn report(
 }
 
 /// Every backend of the registry on the GPU, and the processor once.
-fn ways(request: &Request) -> Vec<Way> {
+pub(crate) fn ways(engine: Option<EngineChoice>, backend: Option<Backend>) -> Vec<Way> {
     let gpu = REGISTRY.iter().map(|b| Way { engine: EngineChoice::Gpu, backend: b.0 });
     let all = gpu.chain([Way { engine: EngineChoice::Cpu, backend: Backend::Raymarch }]);
     let wanted = |way: &Way| {
-        let backend = request.backend.is_none_or(|b| way.engine == EngineChoice::Cpu || b == way.backend);
-        let engine = match request.engine {
+        let backend = backend.is_none_or(|b| way.engine == EngineChoice::Cpu || b == way.backend);
+        let engine = match engine {
             None | Some(EngineChoice::Auto) => true,
             Some(engine) => engine == way.engine,
         };
         backend && engine
     };
     all.filter(wanted).collect()
-}
-
-fn name_of(way: Way) -> String {
-    match way.backend_name() {
-        Some(backend) => format!("{} {backend}", way.engine_name()),
-        None => way.engine_name().to_owned(),
-    }
 }

@@ -63,17 +63,17 @@ impl ReferenceFacts {
 
 /// The reference picture.
 #[derive(Clone, Debug)]
-pub(super) struct Truth {
+pub(crate) struct Truth {
     pub(super) size: [u32; 2],
-    pub(super) bands: usize,
-    pub(super) white: f64,
-    pub(super) accuracy: f64,
+    pub(crate) bands: usize,
+    pub(crate) white: f64,
+    pub(crate) accuracy: f64,
     pub(super) display: Display,
     /// In lx; pixels whose truth is not known are black.
-    pub(super) radiance: Vec<f64>,
+    pub(crate) radiance: Vec<f64>,
     /// The largest of a pixel's bands, in lx.
-    pub(super) error: Vec<f64>,
-    pub(super) known: Vec<bool>,
+    pub(crate) error: Vec<f64>,
+    pub(crate) known: Vec<bool>,
     picture_bands: Bands,
     random: bool,
     offsets: Vec<[f64; 2]>,
@@ -87,26 +87,8 @@ impl Truth {
         let request = study.request;
         let most = request.size.unwrap_or_else(|| shrunk(own, f64::from(LONGEST)));
         let (session, _) = open(study, most)?;
-        let scene = &session.program().lowered;
-        let (white, accuracy) = (session.white(params, request.time), session.accuracy());
-        let random = session.is_random();
-        let offsets = sample_offsets(session.program().plan.samples);
-        let options = Options { goal: Goal::Radiance, seed: request.seed ^ 0x7265_666c, ..Options::default() };
-        let mut truth = Self {
-            size: most,
-            bands: scene.bands.wavelengths.len(),
-            white,
-            accuracy,
-            display: session.display(params, request.time),
-            radiance: vec![],
-            error: vec![],
-            known: vec![],
-            picture_bands: scene.bands.clone(),
-            random,
-            offsets,
-            options,
-            facts: ReferenceFacts::of(if random { "standard-error" } else { "estimate" }),
-        };
+        let mut truth = Self::of(&session, params, request.time, request.seed);
+        let (white, accuracy, random) = (truth.white, truth.accuracy, truth.random);
         let available = CAUTION * request.budget * TRUTH;
         let longest = f64::from(most[0].max(most[1]));
         // How long the longer side may be if a pixel takes so many seconds.
@@ -143,13 +125,57 @@ impl Truth {
         if request.size.is_none() {
             truth.size = shrunk(own, room.clamp(f64::from(SHORTEST), f64::from(LONGEST)));
         }
-        let count = truth.size[0] as usize * truth.size[1] as usize;
-        truth.radiance = vec![0.0; count * truth.bands];
-        truth.error = vec![0.0; count];
-        truth.known = vec![false; count];
-        truth.facts.of = count as u32;
         let size = truth.size;
-        Ok((truth, size))
+        Ok((truth.unknown(), size))
+    }
+
+    /// One that is good enough to check a picture's accuracy.
+    pub(crate) fn rough(session: &Session, params: &Params, time: f64) -> Self {
+        let mut truth = Self::of(session, params, time, 0);
+        let rtol = (truth.accuracy / 100.0).clamp(1e-12, TOLERANCES[0]);
+        truth.options = Options { rtol, atol: rtol * truth.white, samples: Some(PATHS), ..truth.options };
+        truth.unknown()
+    }
+
+    /// Of the picture that the session draws; tolerance and pixels are still to come.
+    fn of(session: &Session, params: &Params, time: f64, seed: u64) -> Self {
+        let scene = &session.program().lowered;
+        let random = session.is_random();
+        Self {
+            size: session.size(),
+            bands: scene.bands.wavelengths.len(),
+            white: session.white(params, time),
+            accuracy: session.accuracy(),
+            display: session.display(params, time),
+            radiance: vec![],
+            error: vec![],
+            known: vec![],
+            picture_bands: scene.bands.clone(),
+            random,
+            offsets: sample_offsets(session.program().plan.samples),
+            options: Options { goal: Goal::Radiance, seed: seed ^ 0x7265_666c, ..Options::default() },
+            facts: ReferenceFacts::of(if random { "standard-error" } else { "estimate" }),
+        }
+    }
+
+    /// Nothing is known yet.
+    fn unknown(mut self) -> Self {
+        let count = self.size[0] as usize * self.size[1] as usize;
+        self.radiance = vec![0.0; count * self.bands];
+        self.error = vec![0.0; count];
+        self.known = vec![false; count];
+        self.facts.of = count as u32;
+        self
+    }
+
+    /// Rays of a pixel.
+    pub(crate) fn offsets(&self) -> &[[f64; 2]] {
+        &self.offsets
+    }
+
+    /// How exactly they are followed.
+    pub(crate) fn options(&self) -> &Options {
+        &self.options
     }
 
     /// One that is known exactly everywhere.
@@ -179,29 +205,30 @@ impl Truth {
         Ok(started.elapsed().as_secs_f64() / pixels.len().max(1) as f64)
     }
 
-    /// Draws until it is whole, or for so many seconds after the study began; pixels in an order that is spread over the
-    /// picture wherever it ends, those on edges last.
-    pub(super) fn draw(
+    /// Draws until it is whole or until a time; pixels in an order that is spread over the picture wherever it ends, those on
+    /// edges last, if at all.
+    pub(crate) fn draw(
         &mut self,
-        study: &Study<'_>,
+        session: &Session,
         params: &Params,
+        time: f64,
         edges: &[bool],
-        until: f64,
+        (with_edges, until): (bool, Instant),
         progress: &dyn Fn(f64),
     ) -> Result<(), Trouble> {
-        let (session, _) = open(study, self.size)?;
         let started = Instant::now();
         let width = self.size[0] as usize;
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         order.sort_by_key(|i| (edges[*i], splitmix(&mut (*i as u64))));
         let plain = order.iter().filter(|i| !edges[**i]).count();
-        let (mut at, mut chunk) = (0, 16);
-        while at < order.len() && (at == 0 || study.spent() < until) {
+        order.truncate(if with_edges { order.len() } else { plain });
+        let (mut at, mut chunk) = (0, 4);
+        while at < order.len() && (at == 0 || Instant::now() < until) {
             let end = (at + chunk).min(if at < plain { plain } else { order.len() });
             let numbers = &order[at..end];
             let pixels: Vec<[u32; 2]> = numbers.iter().map(|i| [(i % width) as u32, (i / width) as u32]).collect();
             let before = Instant::now();
-            let found = self.pixels(&session, params, study.request.time, &pixels, at >= plain)?;
+            let found = self.pixels(session, params, time, &pixels, at >= plain)?;
             for (pixel, number) in numbers.iter().enumerate() {
                 let from = |list: &[f64]| list[pixel * self.bands..][..self.bands].to_vec();
                 self.radiance[number * self.bands..][..self.bands].copy_from_slice(&from(&found.radiance));

@@ -83,7 +83,8 @@ if it does not exist; what stands in its place must not be a file.
         code: "E0643",
         title: "the reference is not compared with itself",
         explanation: "\
-`vol report` compares every picture with that of the reference engine. `--engine gpu` and `--engine cpu` leave the other out.
+`vol report` and `vol stress` compare every picture with that of the reference engine. `--engine gpu` and `--engine cpu` leave
+the other out.
 ",
     },
     CodeInfo {

@@ -9,7 +9,7 @@ mod splats;
 use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
-    Ball, Camera, Eye, FaultTally, FileLoader, Frame, Loaded, LoadedMesh, Params, Vec3, pack_ray, sample_offsets,
+    Ball, Camera, Eye, FaultTally, Frame, Loaded, LoadedMesh, Params, SceneFiles, Vec3, pack_ray, sample_offsets,
     scene_bounds,
 };
 use crate::data::Volume;
@@ -127,6 +127,7 @@ pub struct Session {
     engine: Engine,
     fallback: Option<String>,
     seed: u64,
+    eye: Option<Camera>,
     grid_ranges: Vec<Range>,
     compile_ms: f64,
     build_ms: f64,
@@ -214,7 +215,7 @@ impl Session {
     ///
     /// # Errors
     /// Errors of the scene and of its files, and what the machine lacks.
-    pub fn open(name: &str, text: &str, loader: &FileLoader, settings: Settings) -> Result<Self, Trouble> {
+    pub fn open(name: &str, text: &str, loader: &dyn SceneFiles, settings: Settings) -> Result<Self, Trouble> {
         let started = Instant::now();
         let compiled = compiler::compile(name, text, loader, &settings.options);
         let (sources, mut warnings) = (compiled.sources, compiled.diagnostics);
@@ -282,6 +283,7 @@ impl Session {
             engine,
             fallback,
             seed: settings.seed,
+            eye: None,
             grid_ranges,
             compile_ms,
             build_ms: milliseconds(started),
@@ -400,7 +402,15 @@ impl Session {
         self.trouble(Cause::Machine, Diagnostics(vec![machine(error)]))
     }
 
-    fn camera(&self, params: &Params, time: f64) -> Result<Camera, Trouble> {
+    /// Looks from elsewhere, or as the scene says. The projection must be of the scene's kind, which kernels are made for.
+    pub(crate) fn look_from(&mut self, camera: Option<Camera>) {
+        self.eye = camera;
+    }
+
+    pub(crate) fn camera(&self, params: &Params, time: f64) -> Result<Camera, Trouble> {
+        if let Some(camera) = self.eye {
+            return Ok(camera.with_size(self.size()));
+        }
         let camera = Camera::from_scene(&self.program.lowered, &params.0, time).map_err(|d| self.input(d))?;
         Ok(camera.with_size(self.size()))
     }
@@ -512,12 +522,6 @@ impl Session {
         let mut diagnostic = Diagnostic::error(error.code, error.message);
         diagnostic.hints.extend(error.hint);
         self.input(diagnostic)
-    }
-
-    /// The reference engine on the scene as it was lowered.
-    fn reference(&self, params: &Params, time: f64) -> Result<Reference<'_, Grids>, Trouble> {
-        let engine = Reference::new(&self.program.lowered, &params.0, time, &self.grids).map_err(|d| self.input(d))?;
-        Ok(engine.with_meshes(&self.meshes))
     }
 
     /// What the reference engine is asked for when it draws a picture.
