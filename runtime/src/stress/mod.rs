@@ -47,7 +47,7 @@ const SMALLER: [[u32; 2]; 2] = [[12, 8], [6, 4]];
 /// And a very small one that shows how long a picture takes.
 const FEW: [u32; 2] = [3, 2];
 /// A case whose picture takes a larger part of the budget than this is left out.
-const PART: f64 = 0.1;
+const PART: f64 = 0.2;
 
 /// What is asked for.
 #[derive(Clone, Debug)]
@@ -170,12 +170,13 @@ pub fn stress(
     let ways = ways(request.engine, request.backend);
     let mut outcomes: Vec<Outcome> = vec![];
     let total = (setups.len() * ways.len()) as f64;
-    for way in &ways {
+    for (number, way) in ways.iter().enumerate() {
+        // None shall eat what the others need.
+        let until = request.budget * (number + 1) as f64 / ways.len() as f64;
         let mut run = Run { study: &study, way: *way, size: SIZE, plain: None, gone: None };
-        for setup in &setups {
+        for (i, setup) in setups.iter().enumerate() {
             progress(outcomes.len() as f64 / total, &format!("{}: {}", way.name(), setup.case.name));
-            let left = total - outcomes.len() as f64;
-            let outcome = run.case(setup, (request.budget - study.spent()) / left.max(1.0));
+            let outcome = run.case(setup, (until - study.spent()) / (setups.len() - i) as f64);
             each(&outcome);
             outcomes.push(outcome);
         }
