@@ -325,6 +325,60 @@ fn faults_at_run_time_are_reported_on_every_engine() {
     }
 }
 
+#[test]
+fn params_that_make_energy_are_refused_on_every_engine() {
+    let scene = "
+param share = 0.5
+param glow = 1 lx / m
+medium ball { shape = sphere(center: (0, 1, 0) m, radius: 1 m)  k_t = 1 /m  albedo = share  k_e = glow }
+surface floor { shape = plane(point: (0, -1, 0) m, normal: (0, 1, 0))  albedo = 0.5 * share }
+surface spotted { shape = sphere(center: (3, 1, 0) m, radius: 1 m)  albedo = share * (0.2 + 0.2 * sin(p.x / 0.1 m)) }
+light sun { direction = (0, -1, 0)  irradiance = 1 lx }
+camera { from = (0, 2, -9) m  to = (1, 1, 0) m }
+image { size = 16 x 16 }
+";
+    for engine in ["cpu", "gpu"] {
+        for scattering in ["single", "multiple"] {
+            let place =
+                Place::new().with("a.vol", &format!("{scene}render {{ scattering = {scattering}  samples = 32 }}"));
+            // k_a is (1 − albedo)·k_t.
+            for (set, code, what, whose) in [
+                ("share=1.5", "E0650", "k_a", "ball"),
+                ("share=-0.5", "E0650", "k_s", "ball"),
+                ("glow=-1", "E0650", "k_e", "ball"),
+            ] {
+                let arguments = ["render", "a.vol", "-o", "a.png", "--engine", engine, "--no-check", "--set", set];
+                let run = place.vol(&arguments);
+                if no_adapter(&run) {
+                    continue;
+                }
+                assert_eq!(run.code, 1, "{engine} {scattering} {set}: {}{}", run.out, run.err);
+                for word in [code, what, whose] {
+                    assert!(run.err.contains(word), "{engine} {scattering} {set}: {word}: {}", run.err);
+                }
+            }
+            let place = place.with("b.vol", &scene.replace("albedo = share ", "albedo = 0.5 "));
+            let arguments = ["render", "b.vol", "-o", "b.png", "--engine", engine, "--no-check"];
+            let fine = place.vol(&arguments);
+            if no_adapter(&fine) {
+                continue;
+            }
+            assert_eq!(fine.code, 0, "{}", fine.err);
+            let run = place.vol(&[&arguments[..], &["--set", "share=2.1"]].concat());
+            assert_eq!(run.code, 1, "{engine} {scattering}: {}{}", run.out, run.err);
+            for word in ["E0657", "albedo", "floor"] {
+                assert!(run.err.contains(word), "{engine} {scattering}: {word}: {}", run.err);
+            }
+        }
+    }
+    // What differs from place to place is found where the reference looks.
+    let scene = scene.replace("albedo = share ", "albedo = 0.5 ").replace("0.5 * share", "0.5");
+    let place = Place::new().with("a.vol", &scene);
+    let run = place.vol(&["render", "a.vol", "-o", "a.png", "--engine", "cpu", "--set", "share=4"]);
+    assert_eq!(run.code, 1, "{}{}", run.out, run.err);
+    assert!(run.err.contains("E0657") && run.err.contains("spotted") && run.err.contains(" m"), "{}", run.err);
+}
+
 // ---- probe ----
 
 /// Whether a run failed for want of an adapter; that is allowed unless one is required.

@@ -23,6 +23,7 @@ pub const MODULES: &[LibraryModule] = &[
     LibraryModule { word: "color", name: "std::color", text: include_str!("../../library/color.vol") },
     LibraryModule { word: "shape", name: "std::shape", text: include_str!("../../library/shape.vol") },
     LibraryModule { word: "media", name: "std::media", text: include_str!("../../library/media.vol") },
+    LibraryModule { word: "shade", name: "std::shade", text: include_str!("../../library/shade.vol") },
 ];
 
 /// The trees of [`MODULES`], and what the parser had to say (nothing, or the library itself is at fault).

@@ -4,7 +4,8 @@ use compiler::Options;
 use compiler::diagnostic::{Diagnostics, Severity};
 use compiler::trial::Change;
 use runtime::frame::{
-    Cause, Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble,
+    Camera, Cause, Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayAnswer, RayQuery, Session, Settings,
+    Trouble,
 };
 use std::path::{Path, PathBuf};
 
@@ -155,12 +156,34 @@ pub fn probe(path: &Path, options: Options, engine: EngineChoice) -> Option<Vec<
     assert!(!wanted.is_empty(), "{} expects nothing", path.display());
     let stretch = if let Some(Change::Lengths(factor)) = options.change { factor } else { 1.0 };
     let mut session = open(path, options, engine)?;
-    let params = Params::defaults(&session.program().lowered);
     // A scene of another size is seen from places as far away.
     let query = |e: &Expectation| RayQuery { origin: e.origin.map(|x| x * stretch), direction: e.direction };
     let rays: Vec<RayQuery> = wanted.iter().map(query).collect();
-    let answers = session.probe(&params, &rays, &ProbeSettings::default()).unwrap_or_else(|t| fail(path, &t));
+    let answers = follow(path, &mut session, &rays);
     Some(wanted.into_iter().zip(answers).collect())
+}
+
+/// The rays through the middles of a picture's pixels, row by row from the top.
+///
+/// # Panics
+/// If the scene has no camera at its parameters as written.
+#[must_use]
+pub fn pixel_rays(session: &Session, [w, h]: [u32; 2]) -> Vec<RayQuery> {
+    let scene = &session.program().lowered;
+    let params = Params::defaults(scene);
+    let camera = Camera::from_scene(scene, &params.0, 0.0).expect("a camera").with_size([w, h]);
+    let middles = (0..h).flat_map(|y| (0..w).map(move |x| (f64::from(x) + 0.5, f64::from(y) + 0.5)));
+    let rays = middles.map(|(x, y)| camera.ray(x, y));
+    rays.map(|(o, direction)| RayQuery { origin: o.map(|v| v * scene.units.length), direction }).collect()
+}
+
+/// Follows rays with the parameters as written, at time 0.
+///
+/// # Panics
+/// If they cannot be followed.
+pub fn follow(path: &Path, session: &mut Session, rays: &[RayQuery]) -> Vec<RayAnswer> {
+    let params = Params::defaults(&session.program().lowered);
+    session.probe(&params, rays, &ProbeSettings::default()).unwrap_or_else(|t| fail(path, &t))
 }
 
 /// One line `//? ray ox,oy,oz dx,dy,dz | radiance a b c | transmittance … | depth … // note`: what a ray must find.

@@ -18,6 +18,7 @@ const USES: &str = "
     use std::shape::{sd_sphere, sd_box, sd_round_box, sd_torus, sd_capsule, sd_cylinder, sd_plane, sd_ellipsoid, sd_octahedron}
     use std::shape::{op_union, op_intersection, op_difference, op_shell, op_round, op_repeat, op_repeat_limited, op_mirror_x}
     use std::shape::{op_smooth_union, op_smooth_intersection, op_smooth_difference, op_rotate_x, op_rotate_y, op_rotate_z}
+    use std::shade::phong
     use std::media::{water_k_a, water_rgb_k_a, air_k_s, air_density, fog_k_t, smoke_k_t, soot_albedo, whole_milk_k_s, skin2_k_a}
 ";
 
@@ -464,11 +465,51 @@ fn media_have_the_coefficients_of_their_sources() {
     assert!(close(&at("skin2_k_a()"), &[13.0, 70.0, 145.0], 1e-12));
 }
 
+/// Phong's colours by hand: of a grey layer whose surface lies across a vector, seen along z.
+#[test]
+fn layers_are_shaded_by_how_they_lie() {
+    let shaded = |normal: &str, more: &str| -> f64 {
+        let grey = "layer(color: color(0.4, 0.4, 0.4), k: 2 /m)";
+        let scene = scene(&format!(
+            "medium test {{
+                shape = sphere(center: (0, 0, 0) m, radius: 1 m)
+                transfer = phong({grey}, {normal} / 1 m, (0, 0, 1){more})
+            }}"
+        ));
+        let medium = &scene.media[0];
+        let [k_a, k_e] = [medium.k_a, medium.k_e].map(|node| Field::new(&scene, node).numbers(&[[0.0; 3]])[0]);
+        assert!((k_a - 2.0).abs() < 1e-12, "the extinction stays: {k_a}");
+        k_e / k_a
+    };
+    let color = |lit: f64, glint: f64| 0.4 * lit * (1.0 - glint) + glint;
+    let half = 0.5f64.sqrt();
+    for (normal, more, expected) in [
+        // Towards the eye, across, away, at 60 degrees.
+        ("(0, 0, 3)", "", color(1.0, 0.25)),
+        ("(2, 0, 0)", "", color(0.25, 0.0)),
+        ("(0, 0, -0.01)", "", color(1.0, 0.25)),
+        ("(0.75^0.5, 0, 0.5)", "", color(0.625, 0.25 * 0.5f64.powi(24))),
+        // Lit from the side: half way between, and straight at the light.
+        ("(1, 0, 1)", ", to_light: (5, 0, 0)", color(0.25 + 0.75 * half, 0.25)),
+        ("(1, 0, 0)", ", to_light: (5, 0, 0)", color(1.0, 0.25 * half.powi(24))),
+        ("(0, 0, 1)", ", ambient: 0.1, diffuse: 0.2, specular: 0", color(0.3, 0.0)),
+        ("(0.75^0.5, 0, 0.5)", ", specular: 1, shininess: 2", color(0.625, 0.25)),
+        // Light from behind: no direction is half way.
+        ("(1, 0, 0)", ", to_light: (0, 0, -1)", color(0.25, 0.0)),
+        // No gradient, no surface; one of `soft` is half of one.
+        ("(0, 0, 0)", "", 0.4),
+        ("(2, 0, 0)", ", soft: 2 /m", 0.5 * (0.4 + 0.1)),
+    ] {
+        let found = shaded(normal, more);
+        assert!((found - expected).abs() < 1e-9, "{normal}{more}: {found} instead of {expected}");
+    }
+}
+
 #[test]
 fn every_public_function_of_the_library_is_documented_and_reaches_a_test() {
     let tests = include_str!("library.rs");
     let golden = include_str!("golden/library.json");
-    for module in ["phase", "noise", "color", "shape", "media"] {
+    for module in ["phase", "noise", "color", "shape", "media", "shade"] {
         let path = format!("{}/../library/{module}.vol", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(&path).expect("the module is there");
         let lines: Vec<&str> = text.lines().collect();

@@ -3,7 +3,7 @@
 
 use compiler::Options;
 use runtime::frame::{EngineChoice, RayAnswer};
-use tyndall_tests::{Expectation, every_scene, files, probe};
+use tyndall_tests::{Expectation, every_scene, files, name, open, pixel_rays, probe};
 
 const FOLDER: &str = "tests/suite/paths";
 /// Paths of each ray.
@@ -43,6 +43,58 @@ fn the_gpu_agrees_with_theory() {
 #[test]
 fn the_reference_agrees_with_theory() {
     every_scene(FOLDER, |path| Some(unexplained(&follow(path, EngineChoice::Reference)?)));
+}
+
+/// Bounds between which a normally distributed number falls with equal chance: its eighths.
+const EIGHTHS: [f64; 7] = [-1.150_35, -0.674_49, -0.318_64, 0.0, 0.318_64, 0.674_49, 1.150_35];
+
+/// Every pixel of a small picture of each example, on both engines. Scores are the differences in joint standard errors; of
+/// each pixel one band counts, since its bands share their paths.
+#[test]
+fn pictures_of_paths_agree_pixel_by_pixel() {
+    let mut scores: Vec<f64> = vec![];
+    for path in files("examples/paths", "vol") {
+        // What the reference does in seconds: paths through noise cost fifty times as much as through milk. With fewer paths
+        // batches are not normally distributed: what brightens a table is rare.
+        let (size, samples) = match name(&path) {
+            "cumulus" => ([14, 9], 256),
+            _ => ([20, 20], 1024),
+        };
+        let options = Options { samples: Some(samples), ..Options::probe() };
+        let answers = [EngineChoice::Gpu, EngineChoice::Reference].map(|engine| {
+            let mut session = open(&path, options.clone(), engine)?;
+            let rays = pixel_rays(&session, size);
+            Some(tyndall_tests::follow(&path, &mut session, &rays))
+        });
+        let [Some(gpu), Some(reference)] = answers else { return };
+        let before = scores.len();
+        for (pixel, (a, b)) in gpu.iter().zip(&reference).enumerate() {
+            let at = || format!("{} at ({}, {})", path.display(), pixel % size[0] as usize, pixel / size[0] as usize);
+            let band = pixel % a.radiance.len();
+            let joint = a.error[band].hypot(b.error[band]);
+            let off = a.radiance[band] - b.radiance[band];
+            // Nothing but the background: no chance in it, only rounding.
+            if joint <= 1e-5 * b.radiance[band] {
+                assert!(off.abs() <= 3e-5 * b.radiance[band], "{}: {a:?} {b:?}", at());
+                continue;
+            }
+            scores.push(off / joint);
+            assert!(scores[scores.len() - 1].abs() < 6.0, "{}: {a:?} {b:?}", at());
+        }
+        println!("{}: {} pixels of chance", path.display(), scores.len() - before);
+        assert!(scores.len() - before > 30);
+    }
+    // χ² of the histogram, 7 degrees of freedom: above 24.3 once in a thousand.
+    let mut counts = [0u32; 8];
+    scores.iter().for_each(|z| counts[EIGHTHS.partition_point(|e| e <= z)] += 1);
+    let (n, expected) = (scores.len() as f64, scores.len() as f64 / 8.0);
+    let chi: f64 = counts.iter().map(|c| (f64::from(*c) - expected).powi(2) / expected).sum();
+    let beyond = |z: f64| scores.iter().filter(|s| s.abs() > z).count() as f64;
+    println!("{n} scores {counts:?}, chi-square {chi:.1}, beyond 2 and 3: {} and {}", beyond(2.0), beyond(3.0));
+    assert!(chi < 24.3, "chi-square {chi} of {counts:?}");
+    // Of 4.6 % and 0.27 % for a normal distribution; a little more where an error itself is known from 32 batches only.
+    assert!((0.025 * n..0.075 * n).contains(&beyond(2.0)), "{} of {n} beyond two standard errors", beyond(2.0));
+    assert!(beyond(3.0) < 0.012 * n, "{} of {n} beyond three standard errors", beyond(3.0));
 }
 
 #[test]

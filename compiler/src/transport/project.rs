@@ -1,8 +1,9 @@
 //! The projections of data (`composite`): largest, smallest and mean value along a ray, and the first surface of a value.
 //!
 //! A ray that meets data shows the colour of its value and is opaque; one that meets none shows the background.
-//! Data are sampled at half the smallest cell (an eighth for a surface) and, for an extreme, at both ends; an extreme is then refined by golden-section search around the best sample,
-//! a surface by bisection between the samples on either side of it.
+//! Data are sampled at half the smallest cell (an eighth for a surface) and at both ends; an extreme is then refined by golden-section search around the best sample,
+//! a surface by bisection between the samples on either side of it. Where three samples on one side come near a surface and go away
+//! again, golden-section search tells whether the ray grazes it between them.
 
 use super::trace::{Medium, Segment, State, Tracer};
 use crate::fields::{Code, Writer, field_function};
@@ -112,25 +113,36 @@ impl Tracer<'_> {
             | StepRule::Splats { .. } => {
                 let cell = self.data_cell();
                 let cap = self.builder.frame(FrameValue::MaxWork).convert(crate::program::kernel::Prim::F32);
-                // A surface that a ray only grazes is missed between samples on the same side of it.
+                // Within less of a cell data hardly turn twice.
                 let share = if matches!(self.composite, Composite::Isosurface(_)) { 0.125 } else { 0.5 };
                 Expr::math(Math::Ceil, [length.clone() / (share * cell)]).min(cap)
             }
         };
         let count = code.bind("count", Ty::F32, count.max(2.0));
-        let h = code.bind("h", Ty::F32, length.clone() / count.clone());
+        // Both ends are looked at just inside, where rounding cannot lead out.
+        let inset = match self.composite {
+            Composite::Maximum | Composite::Minimum | Composite::Isosurface(_) => {
+                Some(code.bind("inset", Ty::F32, length.clone() * 3e-5))
+            }
+            Composite::Radiance | Composite::Average => None,
+        };
+        let span = match (&inset, self.composite) {
+            (Some(inset), Composite::Isosurface(_)) => length - inset.clone() * 2.0,
+            _ => length,
+        };
+        let h = code.bind("h", Ty::F32, span / count.clone());
         let i = code.var("step", Ty::F32, 0.0);
         let owner = number as u32 + 1;
         let (best, found) = (projected.best, projected.owner);
         let mut after_loop: Option<LocalId> = None;
-        let previous = matches!(self.composite, Composite::Isosurface(_)).then(|| code.var("previous", Ty::F32, 0.0));
+        let previous = matches!(self.composite, Composite::Isosurface(_))
+            .then(|| (code.var("previous", Ty::F32, 0.0), code.var("before", Ty::F32, 0.0)));
         if matches!(self.composite, Composite::Maximum | Composite::Minimum) {
             after_loop = Some(code.var("best_t", Ty::F32, -1.0));
         }
-        if let Some(best_t) = after_loop {
-            // An extreme often lies where the ray enters or leaves: looked at just inside, where rounding cannot lead out.
-            let inset = code.bind("inset", Ty::F32, length.clone() * 3e-5);
-            for (name, t) in [("at_entry", a.clone() + inset.clone()), ("at_exit", segment.b.clone() - inset)] {
+        if let (Some(best_t), Some(inset)) = (after_loop, &inset) {
+            // An extreme often lies where the ray enters or leaves.
+            for (name, t) in [("at_entry", a.clone() + inset.clone()), ("at_exit", segment.b.clone() - inset.clone())] {
                 let t = code.bind(&format!("t_{name}"), Ty::F32, t);
                 let value = code.bind(name, Ty::F32, at(t.clone()));
                 let better = if self.composite == Composite::Maximum {
@@ -150,8 +162,16 @@ impl Tracer<'_> {
             Composite::Radiance | Composite::Maximum | Composite::Minimum | Composite::Average => None,
         };
         code.open();
-        code.break_if(Expr::Local(i).greater_equal(count));
-        let t = code.bind("t_mid", Ty::F32, a.clone() + (Expr::Local(i) + 0.5) * h.clone());
+        let t = match (&inset, self.composite) {
+            (Some(inset), Composite::Isosurface(_)) => {
+                code.break_if(Expr::Local(i).greater(count));
+                code.bind("t_step", Ty::F32, a.clone() + inset.clone() + Expr::Local(i) * h.clone())
+            }
+            _ => {
+                code.break_if(Expr::Local(i).greater_equal(count));
+                code.bind("t_mid", Ty::F32, a.clone() + (Expr::Local(i) + 0.5) * h.clone())
+            }
+        };
         let value = code.bind("value", Ty::F32, at(t.clone()));
         if let Some(work) = state.work {
             code.add(work, 1u32);
@@ -177,13 +197,20 @@ impl Tracer<'_> {
                 code.set(found, owner);
             }
             Composite::Isosurface(_) => {
-                let (level, previous) = (level.clone().expect("set above"), previous.expect("declared above"));
+                let level = level.clone().expect("set above");
+                let (previous, before) = previous.expect("declared above");
                 let off = code.bind("off", Ty::F32, value - level.clone());
                 let crossed = Expr::binary(BinaryOp::NotEqual, off.clone().less(0.0), Expr::Local(previous).less(0.0));
-                let crossed = crossed.and(Expr::Local(i).greater(0.0));
-                code.open();
+                let hit = code.var("hit", Ty::BOOL, crossed.and(Expr::Local(i).greater(0.0)));
                 let low = code.var("low", Ty::F32, t.clone() - h.clone());
-                let high = code.var("high", Ty::F32, t);
+                let high = code.var("high", Ty::F32, t.clone());
+                let near = Expr::Local(previous).abs();
+                let turned = near.clone().less(Expr::Local(before).abs()).and(near.less(off.clone().abs()));
+                let turned = turned.and(Expr::Local(i).greater(1.0)).and(!Expr::Local(hit));
+                code.if_(turned, |code| {
+                    graze(code, at, &level, previous, (hit, low, high), (&t, &h));
+                });
+                code.open();
                 let round = code.var("round", Ty::U32, 0u32);
                 code.loop_(|code| {
                     code.break_if(Expr::Local(round).greater_equal(24u32));
@@ -198,8 +225,9 @@ impl Tracer<'_> {
                     code.set(found, owner);
                 });
                 code.break_();
-                let hit = code.close();
-                code.push_if(crossed, hit);
+                let found_it = code.close();
+                code.push_if(hit.into(), found_it);
+                code.set(before, previous);
                 code.set(previous, off);
             }
             Composite::Radiance => {}
@@ -337,6 +365,41 @@ impl Tracer<'_> {
         let cosine = n.dot(ray.direction.clone()).abs() / steep.clone().max(1e-30);
         steep.greater(0.0).select(cosine, 1.0)
     }
+}
+
+/// The nearest approach to a surface around the last sample but one, all three on one side: a hit if it lies beyond. The ray
+/// then passes the surface between `low` and `high`.
+fn graze(
+    code: &mut Code,
+    at: &dyn Fn(Expr) -> Expr,
+    level: &Expr,
+    previous: LocalId,
+    (hit, low, high): (LocalId, LocalId, LocalId),
+    (t, h): (&Expr, &Expr),
+) {
+    let from = code.bind("graze_from", Ty::F32, t.clone() - h.clone() * 2.0);
+    let left_end = code.var("left_end", Ty::F32, from.clone());
+    let right_end = code.var("right_end", Ty::F32, t.clone());
+    let side = code.bind("side", Ty::F32, Expr::Local(previous).less(0.0).select(-1.0, 1.0));
+    let round = code.var("graze_round", Ty::U32, 0u32);
+    code.loop_(|code| {
+        code.break_if(Expr::Local(round).greater_equal(12u32));
+        let width = code.bind("width", Ty::F32, (Expr::Local(right_end) - Expr::Local(left_end)) * GOLDEN);
+        let left = code.bind("left", Ty::F32, Expr::Local(right_end) - width.clone());
+        let right = code.bind("right", Ty::F32, Expr::Local(left_end) + width);
+        let l = code.bind("off_left", Ty::F32, (at(left.clone()) - level.clone()) * side.clone());
+        let r = code.bind("off_right", Ty::F32, (at(right.clone()) - level.clone()) * side.clone());
+        for (off, place) in [(&l, &left), (&r, &right)] {
+            code.if_(off.clone().less(0.0).and(!Expr::Local(hit)), |code| {
+                code.set(hit, Expr::Bool(true));
+                code.set(low, from.clone());
+                code.set(high, place.clone());
+            });
+        }
+        code.break_if(Expr::Local(hit));
+        code.if_else(l.less(r), |code| code.set(right_end, right), |code| code.set(left_end, left));
+        code.add(round, 1u32);
+    });
 }
 
 /// Adds what a projection needs of each medium.

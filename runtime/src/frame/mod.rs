@@ -17,6 +17,7 @@ mod session;
 mod slabs;
 #[cfg(test)]
 mod tests;
+mod values;
 pub(crate) mod vector;
 
 pub(crate) use bounds::bounded_media;
@@ -34,4 +35,5 @@ pub(crate) use samples::splitmix;
 pub use samples::{sample_offsets, stratified_pixels};
 pub use session::{Cause, Drawing, EngineChoice, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};
 pub use slabs::Slabs;
+pub(crate) use values::{AT_MOST_ONE, GAIN};
 pub use vector::Vec3;

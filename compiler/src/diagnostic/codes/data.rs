@@ -251,6 +251,23 @@ report nothing. A kernel notices it at its end; the light of those rays is wrong
 `accuracy`, fewer `steps`, a simpler field; or let the processor draw with `--engine cpu`.",
     },
     CodeInfo {
+        code: "E0657",
+        title: "a surface reflects more light than falls on it",
+        explanation: "\
+An albedo is the share of light that a surface sends back: 0 for black, 1 for all of it. Above 1 a surface would shine by
+itself, and light between two of them would grow without end. The message names the surface; it could not be known before
+its params had their values.
+
+Wrong, when `brightness` is set to 2:
+
+    albedo = brightness
+
+Right:
+
+    albedo = min(1, brightness)
+",
+    },
+    CodeInfo {
         code: "E0654",
         title: "a ray or the values of params do not fit",
         explanation: "\

@@ -18,7 +18,8 @@
 //! A ray ends at the first surface (`surface`), whose reflected radiance is behind everything before it. With
 //! `scattering = single` media scatter what arrives from lights and the environment into the ray: each node of a panel asks
 //! for it (`scatter`), along shadow rays whose optical depth is closed where media are uniform or exponential and adaptive
-//! elsewhere (`shade`), over caps of the sphere by adaptive cubature (`sphere`). Panels are cut where shadows begin. Errors of
+//! elsewhere (`shade`), over caps of the sphere by adaptive cubature (`sphere`). Panels are cut where shadows begin, which is known
+//! of closed forms (`silhouette`) and probed for besides. Errors of
 //! what arrives are carried along and added to the error of the ray; tolerances below 1e-9 (1e-7 where light comes from an
 //! environment or a disc) are not attempted then, and `error` says what was reached. With `scattering = multiple` paths are
 //! drawn (`paths`) and the error is a standard error.
@@ -43,6 +44,7 @@ mod render;
 mod scatter;
 mod shade;
 mod shape;
+mod silhouette;
 mod sphere;
 mod split;
 mod surface;

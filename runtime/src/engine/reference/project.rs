@@ -8,6 +8,7 @@
 use super::field::{Ray, Sampler, bad_coefficient, with_span};
 use super::gauss::{Decay, N, Nodes, RULE, monotone, root};
 use super::interval::Intervals;
+use super::scatter::PLACES;
 use super::split::{cuts_of, sort_splits, splits_of, thin};
 use super::trace::{BANDS, MOST, PerBand, Worker};
 use super::{ErrorKind, Options, RayResult};
@@ -45,6 +46,13 @@ struct Walk<'w> {
     field: &'w Sampler,
     scratch: Scratch,
     stack: Vec<(f64, f64, u8, u8)>,
+}
+
+/// A stretch without its very ends: where a shape ends as a grid does, places there may round to outside of it, and a single
+/// such value would count.
+fn inner(ray: &Ray, (start, end): (f64, f64)) -> (f64, f64) {
+    let inset = PLACES * ray.origin.iter().fold(end, |m, x| m.max(x.abs()));
+    if end - start > 4.0 * inset { (start + inset, end - inset) } else { (start, end) }
 }
 
 impl<V: Voxels + ?Sized> Worker<'_, V> {
@@ -212,7 +220,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     ) -> Result<(f64, f64), Diagnostic> {
         let (mut best, mut wrong) = (f64::NEG_INFINITY, 0.0);
         for interval in &inside.0 {
-            let mut walk = self.walk(ray, m, field, *interval);
+            let mut walk = self.walk(ray, m, field, inner(ray, *interval));
             while let Some(s) = self.next(ray, &mut walk)? {
                 let seen = s.values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(sign * v));
                 if seen > best {
@@ -278,7 +286,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
     ) -> Result<Option<(f64, f64)>, Diagnostic> {
         for interval in &inside.0 {
             let mut before: Option<bool> = None;
-            let mut walk = self.walk(ray, m, field, *interval);
+            let mut walk = self.walk(ray, m, field, inner(ray, *interval));
             while let Some(s) = self.next(ray, &mut walk)? {
                 let spread: f64 = s.c[1..].iter().map(|c| c.abs()).sum::<f64>() + s.error;
                 if (s.c[0] - level).abs() > spread {

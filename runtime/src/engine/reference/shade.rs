@@ -80,7 +80,9 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let fields = self.fields;
         let mut total = Depth::default();
         for (m, medium) in fields.media.iter().enumerate() {
-            let Some(shade) = &medium.shade else { continue };
+            if medium.shade.is_none() {
+                continue;
+            }
             let (one, list);
             let inside: &[(f64, f64)] = match medium.solid.span(ray.origin, ray.direction) {
                 Some(None) => &[],
@@ -98,18 +100,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                 if a >= b {
                     break;
                 }
-                let closed = shade
-                    .closed
-                    .as_ref()
-                    .and_then(|c| c.depth(fields, self.voxels, self.closed[m].as_mut(), ray, (a, b), self.bands));
-                let part = match closed {
-                    Some(tau) => {
-                        self.evaluations += 1;
-                        Depth { tau, error: tau.map(|t| if t.is_finite() { 8.0 * f64::EPSILON * t } else { 0.0 }) }
-                    }
-                    None if b.is_finite() => self.stretch(ray, m, (a, b), if self.lean { 2 } else { 4 }, tolerance)?.0,
-                    None => self.endless_stretch(ray, m, a, tolerance)?,
-                };
+                let part = self.part(ray, m, (a, b), tolerance)?;
                 total.add(&part);
                 if total.is_dark(self.bands) {
                     return Ok(total);
@@ -119,8 +110,33 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         Ok(total)
     }
 
+    /// Optical depth of one medium over a stretch within it, which may be endless.
+    ///
+    /// # Errors
+    /// Those of [`Worker::depth`].
+    pub(super) fn part(
+        &mut self,
+        ray: &Ray,
+        m: usize,
+        (a, b): (f64, f64),
+        tolerance: f64,
+    ) -> Result<Depth, Diagnostic> {
+        let fields = self.fields;
+        let closed = fields.media[m].shade.as_ref().and_then(|s| s.closed.as_ref());
+        let closed =
+            closed.and_then(|c| c.depth(fields, self.voxels, self.closed[m].as_mut(), ray, (a, b), self.bands));
+        Ok(match closed {
+            Some(tau) => {
+                self.evaluations += 1;
+                Depth { tau, error: tau.map(|t| if t.is_finite() { 8.0 * f64::EPSILON * t } else { 0.0 }) }
+            }
+            None if b.is_finite() => self.stretch(ray, m, (a, b), if self.lean { 2 } else { 4 }, tolerance)?.0,
+            None => self.endless_stretch(ray, m, a, tolerance)?,
+        })
+    }
+
     /// Extinction of one medium at eight points. The flag tells a number that is too large.
-    fn extinction(&mut self, ray: &Ray, m: usize, ts: &Nodes) -> Result<([Nodes; BANDS], bool), Diagnostic> {
+    pub(super) fn extinction(&mut self, ray: &Ray, m: usize, ts: &Nodes) -> Result<([Nodes; BANDS], bool), Diagnostic> {
         let medium = &self.fields.media[m];
         let mut sigma = [[0.0; N]; BANDS];
         let mut overflow = false;

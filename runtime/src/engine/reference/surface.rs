@@ -5,6 +5,7 @@ use super::gauss::N;
 use super::shape::Solid;
 use super::trace::Worker;
 use crate::frame::vector::{Vec3, along, dot, is_finite, length, normalize, scale, sub};
+use crate::frame::{AT_MOST_ONE, GAIN};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::derive::gradient;
 use compiler::ir::eval::{Tape, Voxels};
@@ -44,6 +45,7 @@ impl Meshes for Triangles {
 /// Möller and Trumbore 1997; edges belong to the triangle.
 fn triangle([a, b, c]: &[Vec3; 3], o: Vec3, d: Vec3) -> Option<MeshHit> {
     use crate::frame::vector::cross;
+    use crate::frame::{AT_MOST_ONE, GAIN};
     let (e, f) = (sub(*b, *a), sub(*c, *a));
     let p = cross(d, f);
     let volume = dot(e, p);
@@ -269,6 +271,11 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             if !(v >= 0.0 && v.is_finite()) {
                 let (owner, place) = (format!("surface `{}`", surface.name), scale(ray.at(hit.t), self.metre));
                 return Err(bad_field(&owner, surface.span, "albedo", v, place));
+            }
+            if v > GAIN {
+                let [x, y, z] = scale(ray.at(hit.t), self.metre);
+                let message = format!("albedo of surface `{}` is {v} at ({x:.6}, {y:.6}, {z:.6}) m", surface.name);
+                return Err(with_span(Diagnostic::error("E0657", message), surface.span).hint(AT_MOST_ONE));
             }
             *slot = v;
         }

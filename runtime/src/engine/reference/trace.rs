@@ -8,6 +8,7 @@ use super::negative::negative;
 use super::panel::{Slice, solve_noisy};
 use super::scatter::{Behind, PLACES};
 use super::shape::Solid;
+use super::silhouette::{of_solid, of_surface};
 use super::split::{sort_splits, splits_of, thin};
 use super::surface::Meshes;
 use super::tail::Rest;
@@ -278,15 +279,19 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         Ok(())
     }
 
-    /// Where a scattering segment is cut besides: where lights are nearest, and at a few depths from where it begins, since
-    /// of something dense only a skin may be lit and seen that no node would meet.
+    /// Where a scattering segment is cut besides: where lights are nearest, where shadows begin and end, and at a few depths
+    /// from where it begins, since of something dense only a skin may be lit and seen that no node would meet.
     fn mark(&mut self, ray: &Ray, segment: &Segment) -> Result<(), Diagnostic> {
         self.marks.clear();
         if !segment.scatters {
             return Ok(());
         }
         let fields = self.fields;
-        fields.lights.iter().for_each(|l| l.beam.cuts(ray, &mut self.marks));
+        for light in &fields.lights {
+            light.beam.cuts(ray, &mut self.marks);
+            fields.surfaces.iter().for_each(|s| of_surface(&s.form, ray, &light.beam, &mut self.marks));
+            fields.media.iter().for_each(|m| of_solid(&m.solid, ray, &light.beam, &mut self.marks));
+        }
         // A little inside, should a field be infinite at the very edge.
         let within = segment.start + 1e-9 * (segment.end - segment.start).min(1.0);
         let [sigma, _] = self.sample(ray, &segment.active, &[within; N])?;

@@ -459,6 +459,7 @@ impl Session {
     /// or the machine fails.
     pub fn draw(&mut self, params: &Params, time: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Drawing, Trouble> {
         let camera = self.camera(params, time)?;
+        crate::frame::values::check(&self.program.lowered, &params.0, time).map_err(|d| self.input(d))?;
         match &self.engine {
             Engine::Gpu(_) if self.is_random() => self.draw_paths(params, time, &camera, progress),
             Engine::Gpu(_) if self.is_sliced() => self.draw_slabs(params, time, &camera, progress),
@@ -619,14 +620,29 @@ impl Session {
     /// # Errors
     /// When the reference finds a fault in the scene.
     pub fn measure(&self, drawing: &Drawing, count: u32, seed: u64) -> Result<Measured, Trouble> {
+        self.compare(drawing, self.true_samples(), (count, seed))
+    }
+
+    /// Compares every pixel of a drawing with the reference, but for those that straddle an edge, which are counted.
+    ///
+    /// # Errors
+    /// When the reference finds a fault in the scene.
+    pub fn measure_off_edges(&self, drawing: &Drawing) -> Result<Measured, Trouble> {
+        self.compare(drawing, self.true_samples().off_edges(), (u32::MAX, 0))
+    }
+
+    fn true_samples(&self) -> Samples {
+        let by_area = self.options.aa.unwrap_or(self.program.lowered.image.aa) == Aa::Analytic;
+        Samples::new(self.program.plan.samples, by_area)
+    }
+
+    fn compare(&self, drawing: &Drawing, samples: Samples, spread: (u32, u64)) -> Result<Measured, Trouble> {
         let scene = &self.program.lowered;
         let camera = self.camera(&drawing.params, drawing.time)?;
         let white = super::white(scene, &drawing.params.0, drawing.time);
         let engine = self.reference(&drawing.params, drawing.time)?;
-        let by_area = self.options.aa.unwrap_or(scene.image.aa) == Aa::Analytic;
-        let samples = Samples::new(self.program.plan.samples, by_area);
         let allowed = (self.accuracy(), white);
-        let measured = Measured::of(&engine, &camera, drawing, samples, (count, seed), allowed);
+        let measured = Measured::of(&engine, &camera, drawing, samples, spread, allowed);
         measured.map_err(|d| self.input(d))
     }
 
@@ -640,6 +656,7 @@ impl Session {
         rays: &[RayQuery],
         settings: &ProbeSettings,
     ) -> Result<Vec<RayAnswer>, Trouble> {
+        crate::frame::values::check(&self.program.lowered, &params.0, settings.time).map_err(|d| self.input(d))?;
         let unit = self.program.lowered.units.length;
         let scaled = rays.iter().map(|r| (r.origin.map(|x| x / unit), super::vector::normalize(r.direction)));
         let mut list = vec![];

@@ -173,7 +173,8 @@ impl Session {
         let most = if batches.open { batches.most / 64 } else { batches.most };
         let mut tally = Tally::new(rays.len() * bands);
         let mut answers = vec![RayAnswer::blank(bands, "standard-error"); rays.len()];
-        let mut cut_off = 0.0f64;
+        // What paths that were ended for their length might have brought to each ray, over all batches.
+        let mut cut_off = vec![0.0f64; rays.len()];
         // Each ray is followed by several invocations, each a few paths.
         let mut together = size.min(TOGETHER);
         while tally.batches() < most {
@@ -183,13 +184,15 @@ impl Session {
             let packed: Vec<_> = (0..copies).flat_map(|_| once.iter().copied()).collect();
             let mut batch = vec![0.0f32; rays.len() * bands];
             let mut faults = FaultTally::default();
+            let mut cut_now = vec![0.0f64; rays.len()];
             // Parts that need no paths find the same each time, which costs little here.
             let traced = trace_parts(&mut self.engine, &program, &frame, &packed, &mut |reader, number, record| {
                 let ray = number % rays.len();
                 for (band, value) in reader.bands(record, OutputKind::Radiance) {
                     batch[ray * bands + band] += value / copies as f32;
                 }
-                cut_off = cut_off.max(f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0)));
+                let cut = f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0));
+                cut_now[ray] += cut / f64::from(copies);
                 reader.answer(record, &mut answers[ray]);
                 reader.fault(record, &mut faults);
             });
@@ -202,6 +205,7 @@ impl Session {
                 continue;
             }
             tally.add(&batch);
+            cut_off.iter_mut().zip(&cut_now).for_each(|(sum, cut)| *sum += cut);
             let enough = batches.open && tally.batches() >= LEAST_BATCHES;
             if enough && tally.worst(bands, frame.accuracy, 0.0).1 <= 1.0 {
                 break;
@@ -210,7 +214,8 @@ impl Session {
         let paths = u64::from(tally.batches()) * u64::from(size.div_ceil(together)) * u64::from(together);
         for (i, answer) in answers.iter_mut().enumerate() {
             answer.radiance = tally.mean()[i * bands..(i + 1) * bands].to_vec();
-            answer.error = (0..bands).map(|b| tally.error(i * bands + b) + cut_off).collect();
+            let cut = cut_off[i] / f64::from(tally.batches());
+            answer.error = (0..bands).map(|b| tally.error(i * bands + b) + cut).collect();
             answer.evaluations = paths;
         }
         Ok(answers)

@@ -1,7 +1,7 @@
 //! All orders of scattering: an unbiased path tracer in f64.
 //!
 //! Paths start at the eye. Distances are drawn without bias (`collide`), lights are looked for at every collision and bounce
-//! along shadow rays whose optical depth is integrated, not drawn (`walk`); light of lamps in media also along each stretch by
+//! along shadow rays whose transmittance is exact or drawn without bias (`shadow`); light of lamps in media also along each stretch by
 //! the angle at the lamp, both weighted by the balance heuristic. The environment is met by paths that escape, and by nothing
 //! else, so nothing counts twice. New directions follow the phase function (`phase`) or the cosine of a surface. A path that
 //! carries little ends by chance.
@@ -13,6 +13,7 @@ pub(super) mod bound;
 mod collide;
 pub(super) mod phase;
 mod random;
+mod shadow;
 mod walk;
 
 use super::field::Ray;
@@ -88,7 +89,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             radiance: mean[..bands].to_vec(),
             transmittance: depth.tau[..bands].iter().map(|t| (-t).exp()).collect(),
             optical_depth: depth.tau[..bands].to_vec(),
-            // Depths of shadow rays are not drawn, but known to so much.
+            // Depths that are not drawn are known to so much.
             error: (0..bands).map(|b| error[b] + floor(b)).collect(),
             error_tau: depth.error[..bands].to_vec(),
             error_kind: ErrorKind::StandardError,

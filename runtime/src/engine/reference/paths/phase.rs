@@ -109,6 +109,30 @@ mod tests {
                 weight += w;
                 cosine += w * (1.0 - u);
             }
+            // Each part of the sphere gets its share: χ² over 32 parts of equal light by Henyey and Greenstein's distribution,
+            // whose inverse is closed. 32 degrees of freedom are above 62.5 once in a thousand.
+            let parts = 32;
+            let part = |c: f64| {
+                let below = if g == 0.0 {
+                    0.5 * (1.0 + c)
+                } else {
+                    (1.0 - g * g) / (2.0 * g) * ((1.0 + g * g - 2.0 * g * c).powf(-0.5) - 1.0 / (1.0 + g))
+                };
+                ((below * f64::from(parts)) as usize).min(parts as usize - 1)
+            };
+            let mut sums = vec![(0.0, 0.0); parts as usize];
+            for _ in 0..n {
+                let (u, density) = table.draw(&mut random);
+                let w = hg(1.0 - u) / density;
+                let sum = &mut sums[part(1.0 - u)];
+                *sum = (sum.0 + w, sum.1 + w * w);
+            }
+            let expected = f64::from(n) / f64::from(parts);
+            let chi: f64 = sums
+                .iter()
+                .map(|(sum, squares)| (sum - expected).powi(2) / (squares - expected * expected / f64::from(n)))
+                .sum();
+            assert!(chi < 62.5, "{g}: {chi}");
             let n = f64::from(n);
             assert!(
                 (weight / n - 1.0).abs() < 0.01 && (cosine / n - g).abs() < 0.01,

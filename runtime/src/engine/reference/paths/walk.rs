@@ -200,11 +200,6 @@ impl<'k, 'r, V: Voxels + ?Sized> Walk<'k, 'r, V> {
         Ok((0..bands).map(|b| sigma[b] * (-depth.tau[b]).exp()).sum::<f64>() / bands as f64)
     }
 
-    /// What is left of a light.
-    fn arriving(&mut self, place: Vec3, arrival: &Arrival) -> Result<PerBand, Diagnostic> {
-        Ok(self.worker.arrive((place, &[0.0; BANDS]), arrival)?.0)
-    }
-
     /// A light seen from a place, with what it brings there; a direction of a disc is drawn. `solid` is what a disc's
     /// radiance is worth as an irradiance.
     fn seen(&mut self, beam: &Beam, place: Vec3) -> Option<Arrival> {
@@ -296,7 +291,7 @@ impl<'k, 'r, V: Voxels + ?Sized> Walk<'k, 'r, V> {
 }
 
 /// Absolute tolerance of optical depths.
-const DEPTH: f64 = 1e-8;
+pub(super) const DEPTH: f64 = 1e-8;
 
 /// Media at a place of a ray.
 fn active(spans: &[Vec<(f64, f64)>], t: f64) -> impl Iterator<Item = usize> + '_ {
@@ -306,7 +301,7 @@ fn active(spans: &[Vec<(f64, f64)>], t: f64) -> impl Iterator<Item = usize> + '_
 
 impl<V: Voxels + ?Sized> Worker<'_, V> {
     /// The stretches of each medium before `reach`.
-    fn spans(&mut self, ray: &Ray, reach: f64) -> Result<Vec<Vec<(f64, f64)>>, Diagnostic> {
+    pub(super) fn spans(&mut self, ray: &Ray, reach: f64) -> Result<Vec<Vec<(f64, f64)>>, Diagnostic> {
         let cut = |list: &[(f64, f64)]| list.iter().map(|(a, b)| (*a, b.min(reach))).filter(|(a, b)| a < b).collect();
         let fields = self.fields;
         let mut all = vec![];
