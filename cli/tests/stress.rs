@@ -79,7 +79,7 @@ fn a_coefficient_that_is_no_number_at_the_end_of_a_range_is_named() {
     assert_eq!(run.code, 1, "{}{}", run.out, run.err);
     let failed: Vec<&str> = run.out.lines().filter(|l| l.trim_start().starts_with("fail")).collect();
     assert!(failed.iter().all(|l| l.contains("`soot` at 0, its least")) && !failed.is_empty(), "{}", run.out);
-    assert!(run.out.contains("E0651") && run.out.contains("k_a of medium `smoke`"), "{}", run.out);
+    assert!(run.out.contains("E0651") && run.out.contains("`k_a` of medium `smoke`"), "{}", run.out);
 }
 
 #[test]

@@ -357,7 +357,7 @@ image { size = 16 x 16 }
                     assert!(run.err.contains(word), "{engine} {scattering} {set}: {word}: {}", run.err);
                 }
             }
-            let place = place.with("b.vol", &scene.replace("albedo = share ", "albedo = 0.5 "));
+            let place = place.with("b.vol", &scene.replace("albedo = share  k_e", "albedo = 0.5  k_e"));
             let arguments = ["render", "b.vol", "-o", "b.png", "--engine", engine, "--no-check"];
             let fine = place.vol(&arguments);
             if no_adapter(&fine) {
@@ -372,7 +372,7 @@ image { size = 16 x 16 }
         }
     }
     // What differs from place to place is found where the reference looks.
-    let scene = scene.replace("albedo = share ", "albedo = 0.5 ").replace("0.5 * share", "0.5");
+    let scene = scene.replace("albedo = share  k_e", "albedo = 0.5  k_e").replace("0.5 * share", "0.5");
     let place = Place::new().with("a.vol", &scene);
     let run = place.vol(&["render", "a.vol", "-o", "a.png", "--engine", "cpu", "--set", "share=4"]);
     assert_eq!(run.code, 1, "{}{}", run.out, run.err);

@@ -3,12 +3,12 @@
 
 use compiler::Options;
 use compiler::ir::Scattering;
-use runtime::frame::{EngineChoice, RayAnswer, RayQuery};
+use runtime::frame::{Cause, EngineChoice, Params, ProbeSettings, RayAnswer, RayQuery};
 use std::path::{Path, PathBuf};
-use tyndall_tests::{every_scene, expectations, files, follow, open, root, text};
+use tyndall_tests::{every_scene, expectations, fail, files, follow, open, root, text};
 
 /// Paths of each ray where light is scattered many times.
-const SAMPLES: u32 = 1 << 13;
+const SAMPLES: u32 = 1 << 11;
 const ENGINES: [EngineChoice; 2] = [EngineChoice::Gpu, EngineChoice::Reference];
 
 fn options(scattering: Option<Scattering>) -> Options {
@@ -23,7 +23,16 @@ fn rays(path: &Path) -> Vec<RayQuery> {
 
 fn answers(path: &Path, engine: EngineChoice, scattering: Option<Scattering>) -> Option<Vec<RayAnswer>> {
     let mut session = open(path, options(scattering), engine)?;
-    Some(follow(path, &mut session, &rays(path)))
+    let params = Params::defaults(&session.program().lowered);
+    match session.probe(&params, &rays(path), &ProbeSettings::default()) {
+        Ok(answers) => Some(answers),
+        // A software driver that ends long loops says nothing about light.
+        Err(trouble) if trouble.cause == Cause::Machine => {
+            println!("{}: {engine:?}: not on this driver", path.display());
+            None
+        }
+        Err(trouble) => fail(path, &trouble),
+    }
 }
 
 /// By how much the radiance of two answers in a band may differ: by chance, or by what the engine promises.

@@ -45,7 +45,6 @@ impl Meshes for Triangles {
 /// Möller and Trumbore 1997; edges belong to the triangle.
 fn triangle([a, b, c]: &[Vec3; 3], o: Vec3, d: Vec3) -> Option<MeshHit> {
     use crate::frame::vector::cross;
-    use crate::frame::{AT_MOST_ONE, GAIN};
     let (e, f) = (sub(*b, *a), sub(*c, *a));
     let p = cross(d, f);
     let volume = dot(e, p);
