@@ -6,8 +6,8 @@ use compiler::program::OutputKind;
 use runtime::frame::EngineChoice;
 use tyndall_tests::{codes, draw, every_scene, fail, name, open, probe, root};
 
-/// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: by marching at every pixel that does
-/// not straddle an edge, by slicing at a sample of them.
+/// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: examples at every pixel
+/// that does not straddle an edge, others at a sample of them.
 fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str) -> u32) {
     every_scene(folder, |path| {
         let size = size(name(path));
@@ -19,7 +19,7 @@ fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str)
         }
         let mut session = open(path, options, EngineChoice::Gpu)?;
         let drawing = draw(path, &mut session);
-        let every = backend == Backend::Raymarch;
+        let every = folder == "examples";
         let measured = if every { session.measure_off_edges(&drawing) } else { session.measure(&drawing, 256, 1) };
         let measured = measured.unwrap_or_else(|t| fail(path, &t));
         println!("{}: {measured:?} predicted {:?}", path.display(), drawing.predicted);

@@ -5,7 +5,7 @@
 
 use compiler::diagnostic::{Diagnostics, render};
 use compiler::ir::FieldScene;
-use compiler::ir::eval::{Environment, LANES, NoVoxels, Tables, Tape, phase_facts_at, phase_quantiles};
+use compiler::ir::eval::{Environment, LANES, NoVoxels, Tables, Tape, phase_facts_at};
 use compiler::loader::NoFiles;
 use compiler::lower::lower_scaled;
 use std::f64::consts::PI;
@@ -139,62 +139,6 @@ fn the_library_is_normalised_positive_and_as_forward_as_it_says() {
         assert!((facts.integral[0] - 1.0).abs() < 1e-6, "{text}: {facts:?}");
         assert!((facts.moment[0] - mean).abs() < 1e-6, "{text}: {facts:?}");
         assert!(facts.least.0 > 0.0 && facts.most >= at(1.0).max(at(-1.0)) * 0.999, "{text}: {facts:?}");
-    }
-}
-
-/// Directions as the GPU draws them, by linear interpolation between quantiles: χ² of their histogram over 32 parts of the sphere
-/// that get equal shares, by an integration of its own. A fiftieth is spread evenly, so that nothing is left out.
-#[test]
-fn directions_are_drawn_as_phase_functions_scatter() {
-    let mut cases: Vec<String> = library().into_iter().map(|c| c.0).collect();
-    cases.push("mie(radius: 2 um, index: 1.333)".into());
-    cases.push("mix(henyey_greenstein(g: 0.9), henyey_greenstein(g: -0.6), 0.3)".into());
-    for text in cases {
-        let scene = lowered("", &text, &[]);
-        let Some(node) = scene.media[0].phase else { continue };
-        let tables = Tables::evaluate(&scene.graph, &[], 0.0);
-        let environment = Environment { tables: &tables, ..Environment::default() };
-        let quantiles = phase_quantiles(&scene.graph, node, &environment, 256);
-        // Cumulative light from straight on backwards, on a grid that is fine at both ends.
-        let tape = Tape::new(&scene.graph, &[node]);
-        let mut scratch = tape.scratch();
-        let mut at = |mu: f64| {
-            let environment = Environment { cos_theta: [mu; LANES], ..environment.clone() };
-            tape.run(&environment, &NoVoxels, &mut scratch);
-            let width = tape.width(0);
-            (0..width).map(|b| tape.component(&scratch, 0, b)[0]).sum::<f64>() / width as f64
-        };
-        let half = |i: i32| 1.0 - (-34.0 * f64::from(i) / 6000.0).exp();
-        let mut grid: Vec<f64> = (0..=6000).rev().map(half).collect();
-        grid.extend((1..=6000).map(|i| -half(i)));
-        grid[0] = 1.0;
-        *grid.last_mut().expect("a grid") = -1.0;
-        let (mut below, mut sum, mut last) = (vec![0.0], 0.0, at(1.0));
-        for pair in grid.windows(2) {
-            let now = at(pair[1]);
-            sum += (pair[0] - pair[1]) * (2.0 * PI * 0.98 * 0.5 * (last + now) + 0.01);
-            (last, _) = (now, below.push(sum));
-        }
-        assert!((sum - 1.0).abs() < 1e-3, "{text}: {sum}");
-        let part = |mu: f64| {
-            let i = grid.partition_point(|g| *g > mu).clamp(1, grid.len() - 1);
-            let share = ((grid[i - 1] - mu) / (grid[i - 1] - grid[i])).clamp(0.0, 1.0);
-            let below = below[i - 1] + share * (below[i] - below[i - 1]);
-            ((below / sum * 32.0) as usize).min(31)
-        };
-        let draws = 32_000;
-        let mut counts = [0.0f64; 32];
-        let mut state = 1u64;
-        for _ in 0..draws {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let u = (state >> 40) as f64 / f64::from(1 << 24) * 256.0;
-            let (i, share) = ((u as usize).min(255), u.fract());
-            counts[part(quantiles[i] + share * (quantiles[i + 1] - quantiles[i]))] += 1.0;
-        }
-        let expected = f64::from(draws) / 32.0;
-        let chi: f64 = counts.iter().map(|c| (c - expected).powi(2) / expected).sum();
-        // 31 degrees of freedom; seventy functions share one chance in a thousand.
-        assert!(chi < 80.0, "{text}: {chi} of {counts:?}");
     }
 }
 
