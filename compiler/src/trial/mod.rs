@@ -16,7 +16,7 @@ pub enum Change {
     /// All lengths times this: positions, sizes, wavelengths, and what is given per length. Radiance stays what it is. Grids and
     /// meshes are the loader's to stretch.
     Lengths(f64),
-    /// Absorption, scattering and emission of every medium times this.
+    /// Absorption, scattering and emission of every medium times this, but none above 1e30 in the scene's units.
     Matter(f64),
     /// Absorption and scattering of every medium times this, emission as it is.
     Extinction(f64),

@@ -1,8 +1,11 @@
 //! Changes of the field graph.
 
 use super::Change;
-use crate::ir::{Binary, FieldScene, Graph, Input, NodeId, Unary};
+use crate::ir::{Binary, FieldScene, Graph, Input, NodeId, Op, Unary};
 use std::f64::consts::PI;
+
+/// The largest coefficient.
+const MOST: f64 = 1e30;
 
 /// Makes a change in a lowered scene.
 pub(crate) fn overlay(change: Change, scene: &mut FieldScene) {
@@ -21,11 +24,16 @@ pub(crate) fn overlay(change: Change, scene: &mut FieldScene) {
 
 fn scale(scene: &mut FieldScene, factor: f64, emission: bool) {
     let graph = &mut scene.graph;
+    // As much as f32 can hold, with room for what is made of it.
+    let most = MOST / factor.max(1.0);
     for medium in &mut scene.media {
         let own = [&mut medium.k_a, &mut medium.k_s].into_iter().chain(emission.then_some(&mut medium.k_e));
         for node in own {
-            let by = graph.scalar(factor);
-            let by = graph.widen(by, graph.width(*node));
+            let width = graph.width(*node);
+            let [by, most] = [factor, most].map(|v| graph.scalar(v)).map(|v| graph.widen(v, width));
+            if factor > 1.0 {
+                *node = graph.push(Op::Binary(Binary::Min, *node, most));
+            }
             *node = graph.mul(*node, by);
         }
     }
@@ -51,7 +59,7 @@ fn furnace(scene: &mut FieldScene) {
     for medium in &mut scene.media {
         let width = graph.width(medium.k_a).max(graph.width(medium.k_s));
         let [k_a, k_s] = [medium.k_a, medium.k_s].map(|node| graph.widen(node, width));
-        medium.k_s = graph.push(crate::ir::Op::Binary(Binary::Add, k_a, k_s));
+        medium.k_s = graph.push(Op::Binary(Binary::Add, k_a, k_s));
         (medium.k_a, medium.k_e) = (black, black);
     }
     let white = graph.scalar(1.0);

@@ -139,18 +139,17 @@ impl Truth {
 
     /// Of the picture that the session draws; tolerance and pixels are still to come.
     fn of(session: &Session, params: &Params, time: f64, seed: u64) -> Self {
-        let scene = &session.program().lowered;
         let random = session.is_random();
         Self {
             size: session.size(),
-            bands: scene.bands.wavelengths.len(),
+            bands: session.program().bands.wavelengths.len(),
             white: session.white(params, time),
             accuracy: session.accuracy(),
             display: session.display(params, time),
             radiance: vec![],
             error: vec![],
             known: vec![],
-            picture_bands: scene.bands.clone(),
+            picture_bands: session.program().bands.clone(),
             random,
             offsets: sample_offsets(session.program().plan.samples),
             options: Options { goal: Goal::Radiance, seed: seed ^ 0x7265_666c, ..Options::default() },
