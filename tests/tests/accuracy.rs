@@ -61,6 +61,24 @@ fn slicing_and_reference_agree_on_every_feature() {
     all_within_their_accuracy("tests/suite/agree", Backend::Slicing, |_| 24);
 }
 
+/// Shells far thinner than the steps between them: the mean of the picture is the reference's, pixel for pixel nearly so.
+#[test]
+fn thin_shells_have_the_right_mean() {
+    every_scene("tests/suite/thin", |path| {
+        let options = Options { size: Some([24, 24]), aa: Some(compiler::ir::Aa::None), ..Options::default() };
+        let mut gpu = open(path, options.clone(), EngineChoice::Gpu)?;
+        let mut reference = open(path, options, EngineChoice::Reference)?;
+        let (gpu, reference) = (draw(path, &mut gpu), draw(path, &mut reference));
+        let mean = |d: &runtime::frame::Drawing| {
+            let all = d.picture.radiance();
+            all.iter().map(|v| f64::from(*v)).sum::<f64>() / all.len() as f64
+        };
+        let (found, wanted) = (mean(&gpu), mean(&reference));
+        let close = (found - wanted).abs() <= 0.01 * wanted && wanted > 0.02;
+        Some(if close { vec![] } else { vec![format!("mean {found} instead of {wanted}")] })
+    });
+}
+
 /// Slope of the logarithm of the error against that of the number of steps, by least squares.
 fn slope(points: &[(f64, f64)]) -> f64 {
     let n = points.len() as f64;

@@ -2,14 +2,32 @@
 //!
 //! Both are found structurally: |∇(a+b)| ≤ |∇a| + |∇b|, |∇ sin a| ≤ |∇a|, and so on. Where no bound follows, there is none.
 
-use super::range::{Range, ranges};
-use crate::ir::{Binary, Fold, Graph, Input, NodeId, Op, Unary};
+use super::interval::Interval;
+use super::range::{Known, ranges, ranges_of, slope_per_voxel};
+use crate::ir::{Binary, Filter, Fold, Graph, GridId, Input, NodeId, Op, Unary};
 
 /// Bounds on the change of each node with position, in 1/unit of length: of a vector, the Euclidean length of the change.
 /// Infinite where no bound is known, 0 where the node does not vary.
+///
+/// Across the outer faces of a grid its interpolant jumps to the value outside: bounds hold on either side of them.
 #[must_use]
 pub fn lipschitz(graph: &Graph) -> Vec<f64> {
-    steepness_within(graph, &ranges(graph))
+    steepness_within(graph, &ranges(graph), &[])
+}
+
+/// As [`lipschitz`], where something is known of the inputs, and of each grid how fast its interpolant changes with voxel
+/// coordinates (Euclidean length of its gradient, by its number; what is missing follows from the range of values).
+#[must_use]
+pub fn lipschitz_of(graph: &Graph, known: &Known<'_>, slopes: &[f64]) -> Vec<f64> {
+    steepness_within(graph, &ranges_of(graph, known), slopes)
+}
+
+fn grid_slope(graph: &Graph, grid: GridId, values: Interval, known: &[f64]) -> f64 {
+    match (graph.grid(grid).filter, known.get(grid.0 as usize)) {
+        (Filter::Nearest, _) => f64::INFINITY,
+        (Filter::Linear | Filter::Cubic, Some(slope)) => *slope,
+        (Filter::Linear | Filter::Cubic, None) => 3f64.sqrt() * slope_per_voxel(graph, grid, values),
+    }
 }
 
 /// The smallest cell of anything piecewise that the roots contain; for several sets of roots see [`Features::length`].
@@ -22,7 +40,7 @@ pub fn feature_length(graph: &Graph, roots: &[NodeId]) -> Option<f64> {
 #[derive(Clone, Debug)]
 pub struct Features<'g> {
     graph: &'g Graph,
-    ranges: Vec<Range>,
+    ranges: Vec<Interval>,
     steepness: Vec<f64>,
 }
 
@@ -31,13 +49,13 @@ impl<'g> Features<'g> {
     #[must_use]
     pub fn new(graph: &'g Graph) -> Self {
         let ranges = ranges(graph);
-        let steepness = steepness_within(graph, &ranges);
+        let steepness = steepness_within(graph, &ranges, &[]);
         Self { graph, ranges, steepness }
     }
 
     /// What [`ranges`] gives.
     #[must_use]
-    pub fn ranges(&self) -> &[Range] {
+    pub fn ranges(&self) -> &[Interval] {
         &self.ranges
     }
 
@@ -87,7 +105,7 @@ impl<'g> Features<'g> {
     }
 }
 
-fn steepness_within(graph: &Graph, ranges: &[Range]) -> Vec<f64> {
+fn steepness_within(graph: &Graph, ranges: &[Interval], known: &[f64]) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::with_capacity(graph.len());
     for id in graph.ids() {
         let get = |n: NodeId| out[n.0 as usize];
@@ -149,13 +167,7 @@ fn steepness_within(graph: &Graph, ranges: &[Range]) -> Vec<f64> {
                     width * (times(get(a), magnitude(b)) + times(get(b), magnitude(a)))
                 }
             },
-            Op::Sample { grid, at } => {
-                let info = graph.grid(grid);
-                let span = range(id).high - range(id).low;
-                // A jump at the outer faces has no bound unless nothing jumps there.
-                let jump = if info.outside == 0.0 && range(id).low == 0.0 { 1.0 } else { f64::INFINITY };
-                times(get(at), 3f64.sqrt() * span * jump)
-            }
+            Op::Sample { grid, at } => times(get(at), grid_slope(graph, grid, range(id), known)),
             Op::Lookup { at, .. } | Op::LookupSlope { at, .. } | Op::SampleGradient { at, .. } => {
                 times(get(at), f64::INFINITY)
             }

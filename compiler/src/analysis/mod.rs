@@ -3,7 +3,9 @@
 pub mod affine;
 pub mod closed;
 pub mod feature;
+pub mod interval;
 pub mod jumps;
+pub mod narrow;
 pub mod range;
 
 use crate::ir::{Graph, NodeId, Op};

@@ -5,7 +5,7 @@ use crate::ir::{Graph, GridId, MeshId, NodeId, TableId, Type};
 use crate::program::kernel::{
     Carries, Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stage, Stmt, Struct, Ty,
 };
-use crate::program::{Binding, FrameValue, UniformLayout, UniformSource, texture_prim};
+use crate::program::{Binding, BricksPart, FrameValue, UniformLayout, UniformSource, texture_prim};
 use crate::source::Span;
 use rustc_hash::FxHashMap;
 
@@ -112,6 +112,17 @@ impl KernelBuilder {
     /// Columns of light that are kept.
     pub fn cache(&mut self) -> u32 {
         self.resource("columns", ResourceKind::WriteBuffer(Ty::F32), Binding::Cache)
+    }
+
+    /// Bounds of a medium.
+    pub fn bounds(&mut self, number: u32, name: &str) -> u32 {
+        self.resource(&format!("{name}_bricks"), ResourceKind::ReadBuffer(Ty::F32), Binding::Bounds(number))
+    }
+
+    /// Lower corner, bricks per unit of length and number of bricks of a medium's lattice.
+    pub fn lattice(&mut self, number: u32, name: &str) -> [Expr; 3] {
+        let parts = [(BricksPart::Low, "low"), (BricksPart::PerUnit, "per_unit"), (BricksPart::Counts, "counts")];
+        parts.map(|(part, word)| self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part)))
     }
 
     /// The list of rays.

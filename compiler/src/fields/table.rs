@@ -3,7 +3,7 @@
 
 use super::builder::{Code, KernelBuilder};
 use crate::ir::{Graph, TableId};
-use crate::program::kernel::{Expr, Function, Prim, Ty};
+use crate::program::kernel::{Expr, Function, Math, Prim, Ty};
 
 /// Longest table that is written out as code.
 const LADDER: usize = 12;
@@ -29,6 +29,11 @@ fn vector(values: &[f64]) -> Expr {
     Expr::Compose(Ty::float(values.len() as u8), values.iter().map(|v| Expr::F32(*v)).collect())
 }
 
+/// Within 0 to 1.
+fn share(t: Expr) -> Expr {
+    Expr::math(Math::Clamp, [t, Expr::F32(0.0), Expr::F32(1.0)])
+}
+
 pub(super) fn lookup(graph: &Graph, builder: &mut KernelBuilder, id: TableId) -> Function {
     let table = graph.table(id);
     let width = table.width;
@@ -43,7 +48,14 @@ pub(super) fn lookup(graph: &Graph, builder: &mut KernelBuilder, id: TableId) ->
                 Some((k0, v0)) if row.0 > *k0 => {
                     // From the nearer row, so that both ends are met exactly and a large value next to a small one
                     // leaves no rounding behind.
-                    let t = (x.clone() - *k0) * (1.0 / (row.0 - k0));
+                    // The keys as f32 holds them. A product that rounds up must not pass the upper row, nor a driver the lower
+                    // one that makes the difference from other terms than the comparison.
+                    let (low, high) = (f64::from(*k0 as f32), f64::from(row.0 as f32));
+                    if high <= low {
+                        previous = Some(row);
+                        continue;
+                    }
+                    let t = share((x.clone() - *k0) * (1.0 / (high - low)));
                     let t = t.splat(width);
                     vector(v0) * (Expr::F32(1.0).splat(width) - t.clone()) + vector(&row.1) * t
                 }
@@ -73,7 +85,7 @@ pub(super) fn lookup(graph: &Graph, builder: &mut KernelBuilder, id: TableId) ->
     code.if_(after.clone().equal(count), |code| code.return_(value(before.clone())));
     let (k0, k1) = (key(before.clone()), key(after.clone()));
     let k0 = code.bind("k0", Ty::F32, k0);
-    let t = code.bind("t", Ty::F32, (x - k0.clone()) / (k1 - k0));
+    let t = code.bind("t", Ty::F32, share((x - k0.clone()) / (k1 - k0)));
     let t = t.splat(width);
     code.return_(value(before) * (Expr::F32(1.0).splat(width) - t.clone()) + value(after) * t);
     code.finish(Some(ty))

@@ -82,8 +82,56 @@ pub enum UniformSource {
     /// The largest value that a node can have anywhere in the scene at these parameters, by interval arithmetic: the majorant of
     /// a coefficient.
     Majorant(NodeId),
+    /// Where the lattice of [`Plan::bounds`] with this number lies.
+    Bricks(u32, BricksPart),
     /// Something about this drawing.
     Frame(FrameValue),
+}
+
+/// Place and size of a lattice of bricks.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum BricksPart {
+    /// vec3: its lower corner.
+    Low,
+    /// vec3: bricks per unit of length along each axis.
+    PerUnit,
+    /// vec3: bricks along each axis.
+    Counts,
+}
+
+/// What may be left in bricks that count as empty, as a share of the accuracy: of a picture, all together, in optical depth and
+/// in emission relative to white. For a probe nothing may be left.
+pub const EMPTY: f64 = 1e-4;
+/// Bricks of a lattice at most, and with them the size of its buffer.
+pub const MOST_BRICKS: u32 = 64 * 64 * 64;
+
+/// What bounds a medium: fields of the optimised graph that the runtime evaluates over bricks, by intervals in f64, for each
+/// set of parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MediumBounds {
+    /// Index in the scene.
+    pub medium: u32,
+    /// k_a + k_s; `None` if it is 0.
+    pub extinction: Option<NodeId>,
+    /// k_e; `None` if it is 0.
+    pub emission: Option<NodeId>,
+    /// k_s, where it sends light towards the eye.
+    pub scattering: Option<NodeId>,
+    /// Where something may hide between samples.
+    pub narrow: Vec<Narrow>,
+    /// Steps are no longer than twice this anyway, in units of length.
+    pub cell: Option<f64>,
+}
+
+/// A scalar field, its gradient, and the bands of its values within which coefficients may rise and fall again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Narrow {
+    /// Width 1.
+    pub argument: NodeId,
+    /// Width 3.
+    pub gradient: NodeId,
+    /// Ascending pairs.
+    pub bands: Vec<(f64, f64)>,
 }
 
 /// What the runtime knows about a drawing. Lengths are in the scene's units.
@@ -217,6 +265,11 @@ pub enum Binding {
     Mesh(MeshId),
     /// Optical depths towards lights, one or one per band for each node: array of f32, filled by [`FillPass`].
     Cache,
+    /// Bounds of a medium on a lattice of bricks, by number in [`Plan::bounds`]: array of f32, four for each brick, x fastest.
+    /// The largest extinction in it; the largest of emission and scattering in it; how many bricks on every side, its own
+    /// included, are empty (0: it is not); how many likewise hold nothing narrow, or the longest step in it, negative.
+    /// They hold a thousandth of a brick around it too.
+    Bounds(u32),
     /// Rays of the list.
     Rays,
     /// Records, one per ray: array of f32.
@@ -402,6 +455,8 @@ pub struct Plan {
     pub fill: Option<FillPass>,
     /// What finds the splats, once for each picture and after `fill`.
     pub plant: Option<PlantPass>,
+    /// Media that are bounded on a lattice.
+    pub bounds: Vec<MediumBounds>,
     /// Samples per pixel.
     pub samples: u32,
     /// Most evaluations a ray of the camera is expected to need: for the size of tiles.

@@ -153,6 +153,11 @@ pub fn print_plan(program: &Program) -> String {
                 format!("buffer of mesh {}: {} triangles and their boxes", info.path, info.header.triangles)
             }
             Binding::Cache => format!("cache of {} depths towards lights", plan.fill.map_or(0, |f| f.floats)),
+            Binding::Bounds(number) => {
+                let bounds = &plan.bounds[*number as usize];
+                let narrow = if bounds.narrow.is_empty() { "" } else { ", and of what is narrow in it" };
+                format!("bounds of medium {} on a lattice{narrow}", scene.media[bounds.medium as usize].name)
+            }
             Binding::Rays => "buffer of rays, 8 f32 each".into(),
             Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
             Binding::Notes => format!("buffer of notes, {} f32 each", plan.notes),
@@ -171,6 +176,7 @@ pub fn print_plan(program: &Program) -> String {
         let source = match field.source {
             UniformSource::Node(node) => format!("node %{}", node.0),
             UniformSource::Majorant(node) => format!("majorant of node %{}", node.0),
+            UniformSource::Bricks(number, part) => format!("{part:?} of the bounds {number}"),
             UniformSource::Frame(value) => format!("{value:?}"),
         };
         let _ = writeln!(out, "    {:4} {} : {prim} × {} = {source}", field.offset, field.name, field.width);

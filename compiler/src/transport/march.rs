@@ -6,7 +6,7 @@ use super::trace::{Medium, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
 use crate::ir::{LightKind, NodeId};
 use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
-use crate::program::{FrameValue, OutputKind, StepRule};
+use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
 pub(super) const OPAQUE: f64 = 104.0;
@@ -159,11 +159,13 @@ impl Tracer<'_> {
         let sharp = self.visible.filter(|_| matches!(self.walk, Walk::Eye));
         let before = sharp.map(|f| code.var("visible_before", Ty::F32, Expr::Call(f, vec![ray.at(a.clone())])));
         code.open();
+        self.leap(code, state, media, segment, (s, before), [length, &shortest, reach]);
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
         let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
-        // A step ends where a field jumps.
-        let jump = jumps.iter().map(|j| j.distance(code, &from)).reduce(Expr::min);
+        let narrow = self.narrow(code, media, ray, &from);
+        // A step ends where a field jumps, and before it passes what samples might miss.
+        let jump = jumps.iter().map(|j| j.distance(code, &from)).chain(narrow).reduce(Expr::min);
         let ahead = jump.map(|jump| code.bind("to_jump", Ty::F32, jump.max(shortest.clone())));
         let reachable = match &ahead {
             Some(jump) => code.bind("reachable", Ty::F32, Expr::Local(h).min(jump.clone())),
@@ -335,6 +337,50 @@ impl Tracer<'_> {
         code.set(h, spent.select(length.clone(), next));
         let block = code.close();
         code.push_loop(block);
+    }
+
+    /// Leaps over empty bricks.
+    fn leap(
+        &mut self,
+        code: &mut Code,
+        state: &State,
+        media: &[Medium<'_>],
+        segment: &Segment,
+        (s, before): (LocalId, Option<LocalId>),
+        [length, shortest, reach]: [&Expr; 3],
+    ) {
+        if self.leaps(media) {
+            // In a loop of its own, so that rays which leap do not hold up those beside them that step.
+            code.open();
+            let at = code.bind("at_brick", Ty::F32, segment.a.clone() + Expr::Local(s));
+            let clear = self.clear_way(code, &segment.ray, media, &at);
+            let clear = code.bind("clear_way", Ty::F32, clear);
+            code.break_if(clear.clone().less_equal(0.0).or(Expr::Local(s).greater_equal(length.clone())));
+            code.add(s, clear.clone().max(shortest.clone()));
+            if let (Some(error), false) = (state.error, self.wants(OutputKind::OpticalDepth)) {
+                // What counts as empty may hold this much.
+                let accuracy = self.builder.frame(FrameValue::Accuracy);
+                let share = accuracy * (clear / reach.clone()).min(1.0) * EMPTY;
+                let left = match self.walk {
+                    // The error of a shadow is one of depth.
+                    Walk::Shadow { .. } => share,
+                    Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => share * self.builder.frame(FrameValue::White),
+                };
+                code.add(error, left);
+            }
+            if let Some(before) = before {
+                code.set(before, -1.0);
+            }
+            let over = code.close();
+            code.push_loop(over);
+        }
+    }
+
+    /// The longest step from here, where something narrow may be missed.
+    fn narrow(&mut self, code: &mut Code, media: &[Medium<'_>], ray: &Ray, from: &Expr) -> Option<Expr> {
+        let watched =
+            |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| !self.scene.bounds[b as usize].narrow.is_empty());
+        media.iter().any(watched).then(|| self.longest_here(code, ray, media, from))
     }
 
     /// The planes on which some coefficient jumps, and those nearest to a lamp, as functions of the distance along this ray.

@@ -4,15 +4,16 @@ use super::project::{Data, data_of};
 use super::shapes::{Region, is_hosted, region};
 use super::sheets::{Sheet, sheets};
 use crate::analysis::closed::{ExponentialTerm, exponential_sum, ratio};
+use crate::analysis::interval::Interval;
 use crate::analysis::jumps::{Jump, jumps};
-use crate::analysis::range::{Range, ranges};
+use crate::analysis::range::ranges;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{
     Binary, Composite, FieldScene, Graph, Light, LightKind, NodeId, Op, Primitive, Scattering, Table, TableId, Tier,
     eval,
 };
 use crate::passes::{self, is_zero};
-use crate::program::Ledger;
+use crate::program::{Ledger, MediumBounds};
 use crate::source::Span;
 
 /// Rows of a table from which paths draw directions.
@@ -59,6 +60,8 @@ pub(super) struct Matter {
     pub(super) jumps: Vec<Jump>,
     /// What a projection shows of it.
     pub(super) data: Option<Data>,
+    /// Its bounds, by number in [`crate::program::Plan::bounds`].
+    pub(super) bounds: Option<u32>,
 }
 
 /// A phase function that some media share.
@@ -90,6 +93,8 @@ pub(crate) struct Scene {
     pub(super) depth_width: u8,
     /// Components of radiance.
     pub(super) light_width: u8,
+    /// What bounds media, for the runtime.
+    pub(crate) bounds: Vec<MediumBounds>,
     /// Whether every segment has a closed form.
     pub(crate) closed: bool,
 }
@@ -195,7 +200,7 @@ impl Scene {
                     })
                     .map(|(field, node)| Check { field, node })
                     .collect();
-                let bound = |r: Range| (!r.nan && r.high.is_finite() && r.low >= 0.0).then_some(r.high);
+                let bound = |r: Interval| (!r.nan && r.high.is_finite() && r.low >= 0.0).then_some(r.high);
                 Matter {
                     index,
                     name: medium.name.clone(),
@@ -218,6 +223,7 @@ impl Scene {
                     checks,
                     jumps,
                     data,
+                    bounds: None,
                 }
             })
             .collect();
@@ -255,6 +261,7 @@ impl Scene {
             background,
             depth_width,
             light_width,
+            bounds: vec![],
             closed,
         }
     }

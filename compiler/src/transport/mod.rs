@@ -5,6 +5,7 @@
 //! makes the rays of a camera or a list, [`edges`] finds silhouettes in pixels.
 
 pub(crate) mod aim;
+mod bricks;
 mod cache;
 mod closed;
 pub(crate) mod edges;
@@ -23,6 +24,7 @@ mod shapes;
 pub(crate) mod slab;
 mod sheets;
 mod trace;
+mod tracking;
 
 use crate::program::OutputKind;
 

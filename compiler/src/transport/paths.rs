@@ -10,6 +10,7 @@
 use super::light::{LightSample, Receiver};
 use super::shapes::{FAR, Ray, SdfFunctions};
 use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer, Walk, largest, widen};
+use super::tracking::push_tracking;
 use crate::fields::{Code, Helper, PhaseFunction, phase_function};
 use crate::ir::Input;
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
@@ -335,26 +336,6 @@ impl Tracer<'_> {
         code.push_if(whole.greater(target.clone()), inside);
     }
 
-    /// The sum of the majorants of tracked media that are here; if light is gathered, at least one collision per unit where
-    /// something shines.
-    fn majorant(&mut self, code: &mut Code, open: &[&Medium<'_>], light: bool) -> Expr {
-        let sigma = code.var("majorant", Ty::F32, 0.0);
-        for medium in open {
-            let matter = medium.matter;
-            let bound = match matter.extinction {
-                Some(node) => self.builder.majorant(node, &format!("{}_k_t", matter.name)),
-                None => Expr::F32(0.0),
-            };
-            let bound = if light && matter.emission.is_some() { bound.max(1.0) } else { bound };
-            let bound = match &medium.here {
-                Some(here) => here.clone().select(bound, 0.0),
-                None => bound,
-            };
-            code.add(sigma, bound);
-        }
-        code.bind("sigma", Ty::F32, sigma)
-    }
-
     /// Total extinction and emission of tracked media at a distance, in the widths of depth and light.
     fn tracked(
         &mut self,
@@ -400,12 +381,10 @@ impl Tracer<'_> {
     ) {
         let Some(random) = self.random else { return };
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
-        let sigma = self.majorant(code, open, true);
         let t = code.var("t_track", Ty::F32, a.clone());
+        let still = self.still_rate(code, open, true);
         code.open();
-        let step = -Expr::math(Math::Log, [random.draw(code, flight.rng)]) / sigma.clone().max(1e-37);
-        code.add(t, step);
-        code.break_if(Expr::Local(t).greater_equal(Expr::Local(stop)));
+        let sigma = self.tentative(code, ray, (open, true), still.as_ref(), (t, &stop.into()), flight.rng);
         let here = code.bind("t_here", Ty::F32, t);
         let (k_t, k_e) = self.tracked(code, ray, state, open, &here);
         if let Some(k_e) = k_e {
@@ -431,11 +410,7 @@ impl Tracer<'_> {
         let null = (Expr::F32(1.0).splat(dw) - share).max(Expr::F32(0.0).splat(dw));
         code.set(flight.survival, Expr::Local(flight.survival) * null);
         let block = code.close();
-        // Without a majorant there is nothing to meet.
-        code.open();
-        code.push_loop(block);
-        let tracking = code.close();
-        code.push_if(sigma.greater(0.0), tracking);
+        push_tracking(code, still, block);
     }
 
     /// One segment of a shadow ray: closed depth, and ratio tracking through the rest.
@@ -458,13 +433,10 @@ impl Tracer<'_> {
         if open.is_empty() {
             return;
         }
-        let sigma = self.majorant(code, &open, false);
         let t = code.var("t_track", Ty::F32, a.clone());
+        let still = self.still_rate(code, &open, false);
         code.open();
-        code.open();
-        let step = -Expr::math(Math::Log, [random.draw(code, ratio.rng)]) / sigma.clone().max(1e-37);
-        code.add(t, step);
-        code.break_if(Expr::Local(t).greater_equal(b.clone()));
+        let sigma = self.tentative(code, ray, (&open, false), still.as_ref(), (t, b), ratio.rng);
         let here = code.bind("t_here", Ty::F32, t);
         let (k_t, _) = self.tracked(code, ray, state, &open, &here);
         let null =
@@ -485,9 +457,7 @@ impl Tracer<'_> {
         let faint = code.close();
         code.push_if(most.less(0.1), faint);
         let block = code.close();
-        code.push_loop(block);
-        let tracking = code.close();
-        code.push_if(sigma.greater(0.0), tracking);
+        push_tracking(code, still, block);
     }
 
     /// Writes `transmitted(origin, direction, limit, seed)`, if something attenuates.

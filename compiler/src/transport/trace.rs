@@ -123,6 +123,8 @@ pub(crate) struct Tracer<'a> {
     pub(super) random: Option<super::paths::Random>,
     /// `transmitted` of paths.
     pub(super) transmitted: Option<FunctionId>,
+    /// The functions that read bounds of media, by number.
+    pub(super) bricks: Vec<(u32, FunctionId)>,
 }
 
 /// Variables of the function.
@@ -187,6 +189,7 @@ impl<'a> Tracer<'a> {
             only: None,
             random: None,
             transmitted: None,
+            bricks: vec![],
         }
     }
 }

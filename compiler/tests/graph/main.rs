@@ -5,6 +5,7 @@ mod derive;
 mod feature;
 mod grid;
 mod hash;
+mod interval;
 mod loops;
 mod tables;
 

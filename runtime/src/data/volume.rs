@@ -2,6 +2,7 @@
 
 use super::voxels::{Sample, Voxels, each};
 use super::{LoadWarning, affine, body, broken};
+use compiler::analysis::interval::Pyramid;
 use compiler::diagnostic::Severity;
 use compiler::loader::{GridHeader, LoadError};
 use rayon::prelude::*;
@@ -199,4 +200,15 @@ fn scan<T: Sample>(voxels: &mut [T], slope: f64, intercept: f64) -> Scan {
     };
     // The order of parts is kept by `reduce`, so that "the first" means what it says on any number of cores.
     voxels.par_chunks_mut(PART).enumerate().map(part).reduce(|| Scan::NOTHING, Scan::then)
+}
+
+impl Volume {
+    /// Least and greatest voxels of blocks, in parallel.
+    #[must_use]
+    pub fn pyramid(&self) -> Pyramid {
+        let dims = self.header.dims;
+        let voxel = |[i, j, k]: [u32; 3]| self.value(i as usize, j as usize, k as usize);
+        let layers = (0..Pyramid::layers(dims)).into_par_iter();
+        Pyramid::new(dims, layers.map(|layer| Pyramid::layer(dims, layer, voxel)).collect())
+    }
 }

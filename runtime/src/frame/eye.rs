@@ -2,10 +2,12 @@
 
 use super::bounds::Ball;
 use super::vector::{along, dot, length, scale, sub};
-use super::{Camera, Vec3, View};
-use compiler::analysis::range::{Known, Range, ranges_of};
+use super::{Bricks, Camera, Vec3, View};
+use compiler::analysis::interval::Interval;
+use compiler::analysis::range::{Known, ranges_of};
 use compiler::ir::eval::evaluate_frame;
 use compiler::ir::{FieldScene, Graph};
+use std::sync::Arc;
 
 /// An eye or a ray's origin farther from the scene than this many of its radii is moved near it.
 const FAR: f64 = 16.0;
@@ -38,14 +40,30 @@ pub struct Frame {
     /// A ball around the media, if they are bounded: for majorants.
     pub bounds: Option<Ball>,
     /// Values of the grids, for majorants.
-    pub grids: Vec<Range>,
+    pub grids: Vec<Interval>,
     /// For slicing.
     pub slabs: super::Slabs,
     /// For splatting.
     pub lattice: super::Lattice,
+    /// Bounds of media on lattices, by part of the program and number in its plan.
+    pub bricks: Arc<Vec<Vec<Bricks>>>,
+    /// Which part is drawn.
+    pub part: usize,
 }
 
 impl Frame {
+    /// The same for another part of the program.
+    #[must_use]
+    pub fn of_part(&self, part: usize) -> Self {
+        Self { part, ..self.clone() }
+    }
+
+    /// The bounds of the part that is drawn.
+    #[must_use]
+    pub fn own_bricks(&self) -> &[Bricks] {
+        self.bricks.get(self.part).map_or(&[], Vec::as_slice)
+    }
+
     /// Lower corner and edge of the cube around the media in which columns of light are kept.
     #[must_use]
     pub fn cube(&self) -> (Vec3, f64) {
@@ -57,9 +75,9 @@ impl Frame {
 
     /// What every node of a graph can be anywhere in the scene.
     #[must_use]
-    pub fn majorants(&self, graph: &Graph) -> Vec<Range> {
+    pub fn majorants(&self, graph: &Graph) -> Vec<Interval> {
         let mut known = Known {
-            time: Range { low: self.time, high: self.time, nan: false },
+            time: Interval { low: self.time, high: self.time, nan: false },
             params: &self.params,
             grids: &self.grids,
             ..Known::default()
@@ -68,7 +86,7 @@ impl Frame {
             let reach = |sign: f64| ball.center.iter().map(move |c| c + sign * ball.radius);
             let low = reach(-1.0).fold(f64::INFINITY, f64::min);
             let high = reach(1.0).fold(f64::NEG_INFINITY, f64::max);
-            known.position = Range { low, high, nan: false };
+            known.position = Interval { low, high, nan: false };
         }
         ranges_of(graph, &known)
     }

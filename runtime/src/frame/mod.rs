@@ -4,7 +4,9 @@
 //! `(i + ½, j + ½)`.
 
 mod bounds;
+mod bricks;
 mod camera;
+mod extremes;
 mod eye;
 mod faults;
 mod lattice;
@@ -22,7 +24,9 @@ pub(crate) mod vector;
 
 pub(crate) use bounds::bounded_media;
 pub use bounds::{Ball, scene_bounds};
+pub use bricks::{Bricks, Nothing};
 pub use camera::{Camera, View};
+pub use extremes::Grids;
 pub use eye::{Eye, Frame, pack_ray, white};
 pub use faults::FaultTally;
 pub use lattice::Lattice;

@@ -16,7 +16,7 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
-    let seen = Scene::new(scene, ledger, diagnostics);
+    let mut seen = Scene::new(scene, ledger, diagnostics);
     seen.refuse_endless(scene, diagnostics);
     if diagnostics.has_errors() {
         return None;
@@ -33,6 +33,7 @@ pub(super) fn build(
     if seen.closed && scene.render.composite == Composite::Radiance {
         ledger.omit("loop over steps", "every coefficient has a closed form along a ray", None);
     }
+    seen.keep_bounds(scene, rule, ledger);
     let wanted = records::wanted(&options.outputs);
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = records::samples(aa, options.rays, ledger);
@@ -85,6 +86,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         plant: None,
+        bounds: seen.bounds,
         samples,
         work_per_ray: work_per_ray * samples,
     };

@@ -86,6 +86,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         plant: None,
+        bounds: vec![],
         samples,
         work_per_ray: count.unwrap_or(256),
     };

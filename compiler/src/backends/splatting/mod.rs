@@ -94,6 +94,7 @@ pub(super) fn build(
         repeats: rays.count(),
         steps: rule,
         fill,
+        bounds: vec![],
         plant: Some(PlantPass { kernel: 0, stride: splats }),
         samples,
         work_per_ray: 4096,

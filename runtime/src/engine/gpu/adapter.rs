@@ -2,7 +2,7 @@
 
 use super::errors::{GpuError, GpuErrorKind, Watch};
 use super::pipelines::CacheFile;
-use compiler::program::{Binding, Pass, Program};
+use compiler::program::{Binding, MOST_BRICKS, Pass, Program};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -210,6 +210,10 @@ impl Needs {
                     needs.storage_buffers += 1;
                     let floats = program.plan.fill.map_or(0, |f| u64::from(f.floats));
                     needs.storage_bytes = needs.storage_bytes.max(4 * floats);
+                }
+                Binding::Bounds(_) => {
+                    needs.storage_buffers += 1;
+                    needs.storage_bytes = needs.storage_bytes.max(u64::from(MOST_BRICKS) * 16);
                 }
                 Binding::Target(_) => needs.textures += 1,
                 Binding::Splats | Binding::SplatsRead => {

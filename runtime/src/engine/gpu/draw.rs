@@ -7,7 +7,7 @@ use super::readback::{Flight, Once, Slot};
 use super::resources::{Resources, SceneData, Uploads};
 use super::tiles::{Pace, Walk};
 use super::uniforms::{Block, Part};
-use crate::frame::Frame;
+use crate::frame::{Bricks, Frame};
 use compiler::emit::Shader;
 use compiler::ir::eval::Tables;
 use compiler::program::{Binding, Geometry, Pass, Program, RaySource};
@@ -90,6 +90,8 @@ pub struct Prepared {
     slots: Vec<Slot>,
     /// Parameters and time that the tables hold.
     tables: Option<(Vec<Vec<f64>>, f64, Tables)>,
+    /// The bounds of media that the device holds.
+    bricks: Option<Arc<Vec<Vec<Bricks>>>>,
 }
 
 impl Gpu {
@@ -138,6 +140,7 @@ impl Gpu {
             resources,
             slots: vec![],
             tables: None,
+            bricks: None,
         })
     }
 }
@@ -208,6 +211,10 @@ impl Prepared {
             let tables = Tables::evaluate(&self.program.optimised.graph, &frame.params, frame.time);
             self.resources.write_tables(&self.gpu, &tables);
             self.tables = Some((frame.params.clone(), frame.time, tables));
+        }
+        if !self.bricks.as_ref().is_some_and(|held| Arc::ptr_eq(held, &frame.bricks)) {
+            self.resources.write_bounds(&self.gpu, frame.own_bricks());
+            self.bricks = Some(Arc::clone(&frame.bricks));
         }
         let none = Tables::default();
         let tables = self.tables.as_ref().map_or(&none, |(_, _, t)| t);

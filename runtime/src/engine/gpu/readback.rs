@@ -137,7 +137,7 @@ impl Slot {
     /// Binds everything to every pass.
     fn bind(&self, gpu: &Gpu, program: &Program, pipelines: &Pipelines, resources: &Resources) -> Groups {
         let (mut grids, mut tables) = (resources.grids.iter(), resources.tables.iter());
-        let mut meshes = resources.meshes.iter();
+        let (mut meshes, mut bounds) = (resources.meshes.iter(), resources.bounds.iter());
         fn whole(buffer: &Option<wgpu::Buffer>) -> Option<wgpu::BindingResource<'_>> {
             buffer.as_ref().map(wgpu::Buffer::as_entire_binding)
         }
@@ -151,6 +151,7 @@ impl Slot {
                 Binding::Grid(_) => grids.next().map(wgpu::BindingResource::TextureView),
                 Binding::Cache => whole(&resources.cache),
                 Binding::Mesh(_) => meshes.next().map(wgpu::Buffer::as_entire_binding),
+                Binding::Bounds(_) => bounds.next().map(|(_, b)| b.as_entire_binding()),
                 Binding::Table(_) => tables.next().map(|(_, b, _)| b.as_entire_binding()),
                 Binding::Outlines => resources.outlines.as_ref().map(|o| o.0.as_entire_binding()),
                 Binding::Order => resources.order.as_ref().map(|o| o.0.as_entire_binding()),

@@ -4,10 +4,11 @@ use super::adapter::Gpu;
 use super::errors::GpuError;
 use super::pipelines::texture_format;
 use super::uniforms::{table_rows, to_f32};
+use crate::frame::Bricks;
 use compiler::ir::eval::Tables;
 use compiler::ir::{GridId, MeshId, TableId};
 use compiler::loader::{GridHeader, Scalar};
-use compiler::program::{Binding, Program};
+use compiler::program::{Binding, MOST_BRICKS, Program};
 use std::collections::HashMap;
 
 /// Voxels in memory: x fastest, in the machine's byte order, as many as the header says.
@@ -47,6 +48,8 @@ pub(super) struct Resources {
     pub(super) tables: Vec<(TableId, wgpu::Buffer, Vec<f32>)>,
     /// Meshes likewise.
     pub(super) meshes: Vec<wgpu::Buffer>,
+    /// Bounds likewise, with their numbers in the plan.
+    pub(super) bounds: Vec<(u32, wgpu::Buffer)>,
     /// Columns of light.
     pub(super) cache: Option<wgpu::Buffer>,
     /// Outlines of slabs, and how many corners there are.
@@ -68,6 +71,7 @@ impl Resources {
             grids: vec![],
             tables: vec![],
             meshes: vec![],
+            bounds: vec![],
             cache: None,
             outlines: None,
             order: None,
@@ -107,6 +111,15 @@ impl Resources {
                     });
                     resources.meshes.push(buffer.clone());
                 }
+                Binding::Bounds(number) => {
+                    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some("bounds"),
+                        size: u64::from(MOST_BRICKS) * 16,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                        mapped_at_creation: false,
+                    });
+                    resources.bounds.push((*number, buffer));
+                }
                 Binding::Cache => {
                     let size = 4 * program.plan.fill.map_or(1, |f| u64::from(f.floats)).max(1);
                     resources.cache = Some(gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -138,6 +151,15 @@ impl Resources {
             self.splats = Some(storage(gpu, "splats", bytes));
         }
         write(gpu, "order", &mut self.order, bytemuck::cast_slice(order), order.len()) || !fits
+    }
+
+    /// Writes the bounds of media.
+    pub(super) fn write_bounds(&self, gpu: &Gpu, bricks: &[Bricks]) {
+        for (number, buffer) in &self.bounds {
+            if let Some(bricks) = bricks.get(*number as usize) {
+                gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(bricks.records()));
+            }
+        }
     }
 
     /// Writes the tables whose contents changed since the last drawing.

@@ -97,6 +97,7 @@ fn program(
             steps: StepRule::Closed,
             fill: None,
             plant: None,
+            bounds: vec![],
             samples: 1,
             work_per_ray: 1,
         },
@@ -126,6 +127,8 @@ fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
         grids: vec![],
         slabs: crate::frame::Slabs::default(),
         lattice: crate::frame::Lattice::default(),
+        bricks: Arc::default(),
+        part: 0,
     }
 }
 

@@ -38,7 +38,7 @@ impl Block {
             .iter()
             .filter_map(|f| match f.source {
                 UniformSource::Node(id) => Some(id),
-                UniformSource::Majorant(_) | UniformSource::Frame(_) => None,
+                UniformSource::Majorant(_) | UniformSource::Bricks(..) | UniformSource::Frame(_) => None,
             })
             .collect();
         let graph = &program.optimised.graph;
@@ -50,6 +50,10 @@ impl Block {
             match field.source {
                 UniformSource::Node(_) => block.store(field, &values.next().unwrap_or_default()),
                 UniformSource::Majorant(node) => block.store(field, &[majorants[node.0 as usize].high]),
+                UniformSource::Bricks(number, part) => {
+                    let place = frame.own_bricks().get(number as usize).map_or([1.0; 3], |b| b.lattice(part));
+                    block.store(field, &place);
+                }
                 UniformSource::Frame(value) => match still(value, frame) {
                     Some(value) => block.store(field, &value),
                     None => block.moving.push(field.clone()),

@@ -4,7 +4,7 @@ use super::closed::Closed;
 use super::events::{self, Event, Events, Levels, Watch};
 use super::gauss::{N, Nodes};
 use super::light::{self, LightField};
-use super::paths::bound::bound;
+use super::paths::bound::Majorants;
 use super::paths::phase::PhaseTable;
 use super::shape::{self, AltitudeRay, Solid};
 use super::surface::{self, SurfaceField};
@@ -144,7 +144,7 @@ pub(super) struct MediumField {
     /// For paths: directions of its phase function, if that is the same everywhere.
     pub(super) table: Option<PhaseTable>,
     /// For paths: no extinction in it is above this; infinite if unknown, or if there are no paths.
-    pub(super) bound: f64,
+    pub(super) bound: Majorants,
     /// For the projections: the data.
     pub(super) data: Option<Field>,
     /// For the projections: colour of a value of the data, which stands for the cosine.
@@ -240,7 +240,7 @@ impl Fields {
                 emits: is_something(&graph, medium.k_e),
                 phase: medium.phase.map(|p| Tape::new(&scene.graph, &[p])),
                 table: None,
-                bound: f64::INFINITY,
+                bound: Majorants::everywhere(f64::INFINITY),
                 data: medium.data.map(|d| Field::new(&mut graph, &[d], &tables)),
                 color: medium.data_color.map(|c| Tape::new(&scene.graph, &[c])),
                 gradient: medium.data.and_then(|d| {
@@ -292,10 +292,10 @@ impl Fields {
         for (field, medium) in self.media.iter().zip(&scene.media) {
             let closed = field.shade.as_ref().is_some_and(|s| s.closed.is_some());
             let bound = if closed {
-                f64::INFINITY
+                Majorants::everywhere(f64::INFINITY)
             } else {
                 let frame = (self.params.as_slice(), self.time);
-                bound(&scene.graph, &[medium.k_a, medium.k_s], &field.solid, &self.shells, frame, voxels)
+                Majorants::new(&scene.graph, &[medium.k_a, medium.k_s], &field.solid, &self.shells, frame, voxels)
             };
             let same =
                 medium.phase.is_some_and(|p| tiers[p.0 as usize] < Tier::Sample && !uses_direction(&scene.graph, p));

@@ -62,9 +62,14 @@ pub use whole::WholeReference;
 use crate::frame::vector::{Vec3, normalize};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
-use compiler::ir::{Composite, FieldScene, Scattering};
+use compiler::ir::{Composite, FieldScene, NodeId, Scattering, Shape};
 use field::{Fields, Ray};
 use trace::{BANDS, Worker};
+
+/// A box around a shape, if it has one that is easily seen. `value` gives the numbers of a node of tier Frame.
+pub(crate) fn bounding_box(shape: &Shape, value: &mut dyn FnMut(NodeId) -> Vec<f64>) -> Option<(Vec3, Vec3)> {
+    shape::evaluate(shape, value).ok()?.bounds()
+}
 
 /// What has to be within the tolerance.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]

@@ -19,7 +19,7 @@ pub(super) fn draw_parts(
     for (part, prepared) in parts.iter_mut().enumerate().filter(|(part, _)| wanted(*part)) {
         // A pixel that goes wrong in several parts is one pixel.
         let before = std::mem::take(&mut canvas.faults);
-        let timing = prepared.draw(frame, &mut |tile, records| {
+        let timing = prepared.draw(&frame.of_part(part), &mut |tile, records| {
             canvas.take(part, tile, records);
             progress(canvas);
         })?;
@@ -41,9 +41,9 @@ pub(super) fn trace_parts(
     take: &mut dyn FnMut(&Reader, usize, &[f32]),
 ) -> Result<(), GpuError> {
     let several = !program.further.is_empty();
-    for (reader, prepared) in Reader::of_parts(program).iter().zip(engine.prepared()) {
+    for (part, (reader, prepared)) in Reader::of_parts(program).iter().zip(engine.prepared()).enumerate() {
         let mut ray = 0;
-        prepared.trace(frame, rays, &mut |_, records| {
+        prepared.trace(&frame.of_part(part), rays, &mut |_, records| {
             for record in records.chunks_exact(reader.stride) {
                 take(reader, ray, record);
                 ray += 1;

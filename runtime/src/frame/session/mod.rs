@@ -9,21 +9,21 @@ mod splats;
 use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
-    Ball, Camera, Eye, FaultTally, Frame, Loaded, LoadedMesh, Params, SceneFiles, Vec3, pack_ray, sample_offsets,
-    scene_bounds,
+    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Params, SceneFiles, Vec3,
+    pack_ray, sample_offsets, scene_bounds,
 };
 use crate::data::Volume;
 use crate::data::mesh::Mesh;
 use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::{Display, Picture};
-use compiler::analysis::range::Range;
+use compiler::analysis::interval::Interval;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
-use compiler::ir::eval::{Voxels, evaluate_frame};
-use compiler::ir::{Aa, FieldScene, GridId, MeshId, MeshInfo, Scattering};
-use compiler::program::{Program, StepRule, UniformField, UniformSource};
+use compiler::ir::eval::evaluate_frame;
+use compiler::ir::{Aa, FieldScene, MeshId, MeshInfo, Scattering};
+use compiler::program::{OutputKind, Program, StepRule, UniformField, UniformSource};
 use compiler::source::Sources;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Which engine is wanted.
@@ -75,16 +75,6 @@ pub struct Settings {
     pub seed: u64,
 }
 
-/// The grids of a scene, by their number.
-#[derive(Clone, Debug, Default)]
-struct Grids(Vec<Loaded>);
-
-impl Voxels for Grids {
-    fn voxel(&self, grid: GridId, [i, j, k]: [u32; 3]) -> f64 {
-        self.0[grid.0 as usize].volume.value(i as usize, j as usize, k as usize)
-    }
-}
-
 /// The meshes of a scene, by their number.
 #[derive(Clone, Debug, Default)]
 struct Triangles(Vec<LoadedMesh>);
@@ -115,6 +105,9 @@ impl Engine {
     }
 }
 
+/// Bounds of media with the parameters, time and white that they are of.
+type Held = Option<(Params, f64, f64, Arc<Vec<Vec<Bricks>>>)>;
+
 /// A compiled scene on an engine, with its grids loaded: draws as often as wanted.
 #[derive(Debug)]
 pub struct Session {
@@ -128,7 +121,8 @@ pub struct Session {
     fallback: Option<String>,
     seed: u64,
     eye: Option<Camera>,
-    grid_ranges: Vec<Range>,
+    grid_ranges: Vec<Interval>,
+    bricks: Mutex<Held>,
     compile_ms: f64,
     build_ms: f64,
 }
@@ -278,13 +272,14 @@ impl Session {
             sources,
             warnings,
             options: settings.options,
-            grids: Grids(loaded),
+            grids: Grids::new(loaded),
             meshes: Triangles(meshes),
             engine,
             fallback,
             seed: settings.seed,
             eye: None,
             grid_ranges,
+            bricks: Mutex::default(),
             compile_ms,
             build_ms: milliseconds(started),
         })
@@ -449,6 +444,34 @@ impl Session {
             grids: self.grid_ranges.clone(),
             slabs: super::Slabs::default(),
             lattice: super::Lattice::default(),
+            bricks: self.bricks(params, time, camera.is_some()),
+            part: 0,
+        }
+    }
+
+    /// The bounds of media at these parameters, evaluated anew when something that they depend on has moved.
+    fn bricks(&self, params: &Params, time: f64, picture: bool) -> Arc<Vec<Vec<Bricks>>> {
+        if self.program.parts().all(|p| p.plan.bounds.is_empty()) {
+            return Arc::default();
+        }
+        // Optical depth is asked for relative to itself, and so is all that a probe asks.
+        let relative = self.program.plan.output(OutputKind::OpticalDepth).is_some() || !picture;
+        let white = if relative { 0.0 } else { super::white(&self.program.lowered, &params.0, time) };
+        let mut held = self.bricks.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*held {
+            Some((p, t, w, bricks)) if p == params && *t == time && *w == white => Arc::clone(bricks),
+            _ => {
+                let of_part = |part: &Program| {
+                    let paths = matches!(part.plan.steps, StepRule::Paths(_));
+                    let nothing = Nothing { accuracy: self.accuracy(), white, paths };
+                    let scene = &part.optimised;
+                    let one = |b| Bricks::new(scene, b, (&params.0, time), &self.grids, nothing);
+                    part.plan.bounds.iter().map(one).collect()
+                };
+                let bricks = Arc::new(self.program.parts().map(of_part).collect());
+                *held = Some((params.clone(), time, white, Arc::clone(&bricks)));
+                bricks
+            }
         }
     }
 
@@ -749,9 +772,9 @@ impl RayAnswer {
 }
 
 /// What the voxels of a grid can be.
-fn values(volume: &Volume) -> Range {
+fn values(volume: &Volume) -> Interval {
     let (low, high) = volume.range();
-    Range { low, high, nan: false }
+    Interval { low, high, nan: false }
 }
 
 /// The largest of a pixel's errors.

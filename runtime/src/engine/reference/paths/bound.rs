@@ -1,102 +1,122 @@
-//! Upper bounds of extinction for delta tracking: interval arithmetic over the box around a medium, with the params of the
-//! frame as numbers and grids within their own values.
+//! Upper bounds of extinction for delta tracking: intervals of the coefficients over bricks of the box around a medium, with
+//! the params of the frame as numbers and grids within the extremes of their voxels.
 
 use super::super::shape::Solid;
 use super::super::trace::LARGEST;
-use crate::frame::vector::{Vec3, length};
-use compiler::analysis::range::ranges;
+use crate::frame::vector::Vec3;
+use compiler::analysis::interval::{Enclosure, Extremes, Interval, Pyramid, Region, TableBounds, altitudes};
 use compiler::ir::eval::Voxels;
-use compiler::ir::{Binary, Constant, Filter, Graph, GridId, Input, NodeId, Op, Type};
+use compiler::ir::{Graph, GridId, NodeId};
+use rayon::prelude::*;
+use std::sync::OnceLock;
 
-/// Least and largest value of a grid, its `outside` and what a cubic filter may overshoot included.
-fn values<V: Voxels + ?Sized>(graph: &Graph, grid: GridId, voxels: &V) -> (f64, f64) {
-    let info = graph.grid(grid);
-    let [nx, ny, nz] = info.header.dims;
-    let (mut low, mut high) = (info.outside, info.outside);
-    for k in 0..nz {
-        for j in 0..ny {
-            for i in 0..nx {
-                let v = voxels.voxel(grid, [i, j, k]);
-                (low, high) = (low.min(v), high.max(v));
+/// Bricks along every axis.
+const BRICKS: usize = 16;
+
+/// Voxels with their extremes, made when they are first asked for.
+struct Bounded<'a, V: ?Sized> {
+    graph: &'a Graph,
+    voxels: &'a V,
+    pyramids: Vec<OnceLock<Pyramid>>,
+}
+
+impl<V: Voxels + ?Sized> Extremes for Bounded<'_, V> {
+    fn voxel(&self, grid: GridId, index: [u32; 3]) -> f64 {
+        self.voxels.voxel(grid, index)
+    }
+
+    fn extremes(&self, grid: GridId, low: [u32; 3], high: [u32; 3]) -> (f64, f64) {
+        let voxel = |index: [u32; 3]| self.voxels.voxel(grid, index);
+        let pyramid = self.pyramids[grid.0 as usize].get_or_init(|| {
+            let dims = self.graph.grid(grid).header.dims;
+            let layers = (0..Pyramid::layers(dims)).into_par_iter();
+            Pyramid::new(dims, layers.map(|layer| Pyramid::layer(dims, layer, voxel)).collect())
+        });
+        pyramid.extremes(low, high, voxel)
+    }
+}
+
+/// What extinction is nowhere above, brick by brick.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Majorants {
+    low: Vec3,
+    edge: Vec3,
+    /// One for all of space where the medium has no box.
+    bounds: Vec<f64>,
+}
+
+impl Majorants {
+    /// The same everywhere.
+    pub(in super::super) fn everywhere(bound: f64) -> Self {
+        Self { low: [0.0; 3], edge: [f64::INFINITY; 3], bounds: vec![bound] }
+    }
+
+    /// Of the sum of `roots`, per band, whichever is largest. A bound is infinite where none is found.
+    pub(in super::super) fn new<V: Voxels + ?Sized>(
+        graph: &Graph,
+        roots: &[NodeId],
+        solid: &Solid,
+        shells: &[(Vec3, f64)],
+        (params, time): (&[Vec<f64>], f64),
+        voxels: &V,
+    ) -> Self {
+        let code = Enclosure::new(graph, roots);
+        let params: Vec<Vec<Interval>> =
+            params.iter().map(|v| v.iter().map(|x| Interval::point(*x)).collect()).collect();
+        let time = Interval::point(time);
+        let tables = TableBounds::new(graph, &params, time);
+        let voxels = Bounded { graph, voxels, pyramids: graph.grids.iter().map(|_| OnceLock::new()).collect() };
+        let bound = |position: [Interval; 3], work: &mut _| {
+            let above: Vec<Interval> = (shells.iter())
+                .map(|(center, radius)| {
+                    let over = altitudes(position, *center, *radius);
+                    // Rounding on the shell itself.
+                    let low = if solid.is_shell_over(*center, *radius) { over.low.max(0.0) } else { over.low };
+                    Interval { low: low - 1e-9 * radius, ..over }
+                })
+                .collect();
+            let region =
+                Region { position, time, altitudes: &above, params: &params, tables: &tables, ..Region::default() };
+            code.run(&region, &voxels, work);
+            // What is no number is reported where it is met.
+            let total: f64 = (0..roots.len()).map(|r| code.hull(work, r)).map(|i| i.high.max(0.0)).sum();
+            if total <= LARGEST { total } else { f64::INFINITY }
+        };
+        let Some((low, high)) = solid.bounds().filter(|(a, b)| (0..3).all(|i| b[i] > a[i])) else {
+            return Self::everywhere(bound([Interval::NUMBER; 3], &mut code.workspace()));
+        };
+        let edge: Vec3 = std::array::from_fn(|i| (high[i] - low[i]) / BRICKS as f64);
+        let brick = |n: usize, work: &mut _| {
+            let at = [n % BRICKS, n / BRICKS % BRICKS, n / (BRICKS * BRICKS)];
+            // A little wider than the brick: places are rounded.
+            let position = [0, 1, 2].map(|i| {
+                let a = low[i] + at[i] as f64 * edge[i];
+                let rim = 1e-6 * edge[i] + 1e-9 * low[i].abs().max(high[i].abs());
+                Interval::new(a - rim, a + edge[i] + rim)
+            });
+            bound(position, work)
+        };
+        let all = (0..BRICKS.pow(3)).into_par_iter();
+        let bounds = all.map_init(|| code.workspace(), |work, n| brick(n, work)).collect();
+        Self { low, edge, bounds }
+    }
+
+    /// The bound at a place, and how far it holds along a direction; a little beyond, so that the next brick is entered.
+    pub(in super::super) fn at(&self, p: Vec3, d: Vec3) -> (f64, f64) {
+        if self.bounds.len() == 1 {
+            return (self.bounds[0], f64::INFINITY);
+        }
+        let (mut index, mut exit) = (0, f64::INFINITY);
+        for axis in (0..3).rev() {
+            let u = (p[axis] - self.low[axis]) / self.edge[axis];
+            let cell = u.floor().clamp(0.0, BRICKS as f64 - 1.0);
+            index = index * BRICKS + cell as usize;
+            let rate = d[axis] / self.edge[axis];
+            let ahead = if rate > 0.0 { cell + 1.0 - u } else { u - cell };
+            if rate != 0.0 {
+                exit = exit.min((ahead.max(0.0) + 1e-7) / rate.abs());
             }
         }
+        (self.bounds[index], exit)
     }
-    let over = match info.filter {
-        Filter::Nearest | Filter::Linear => 0.0,
-        // Catmull–Rom weights of one axis sum to 1 in at most 1.25 of absolute value.
-        Filter::Cubic => (high - low) * 0.5 * (1.25f64.powi(3) - 1.0),
-    };
-    (low - over, high + over)
-}
-
-/// A number above the sum of `roots` (per band, whichever is largest) everywhere in a shape; infinite if none is found.
-pub(in super::super) fn bound<V: Voxels + ?Sized>(
-    graph: &Graph,
-    roots: &[NodeId],
-    solid: &Solid,
-    shells: &[(Vec3, f64)],
-    (params, time): (&[Vec<f64>], f64),
-    voxels: &V,
-) -> f64 {
-    // A little wider than the shape: places are rounded.
-    let around = solid.bounds().map(|(a, b)| {
-        let rim = 1e-9 * a.iter().chain(&b).fold(0.0f64, |m, x| m.max(x.abs()));
-        (a.map(|x| x - rim), b.map(|x| x + rim))
-    });
-    let live = graph.reachable(&table_roots(graph, roots));
-    let mut new = graph.declarations();
-    let mut map = vec![NodeId(0); graph.len()];
-    for id in graph.ids().filter(|id| live.get(id.0 as usize) == Some(&true)) {
-        let op = Graph::map_operands(graph.op(id), |a| map[a.0 as usize]);
-        let node = match op {
-            Op::Param(p) if matches!(graph.ty(id), Type::Float(_)) => {
-                new.push(Op::Const(Constant::new(&params[p.0 as usize])))
-            }
-            Op::Input(Input::Time) => new.scalar(time),
-            op => new.push(op),
-        };
-        let within = match op {
-            Op::Input(Input::Position) => around.map(|(a, b)| (new.vector(&a), new.vector(&b))),
-            Op::Input(Input::Altitude(shell)) => around.map(|around| {
-                let (low, high) = altitudes(solid, shells[shell as usize], around);
-                (new.scalar(low), new.scalar(high))
-            }),
-            Op::Sample { grid, .. } => {
-                let (low, high) = values(graph, grid, voxels);
-                Some((new.scalar(low), new.scalar(high)))
-            }
-            _ => None,
-        };
-        // Clamping to what it can be changes no value, but tells the intervals.
-        map[id.0 as usize] = match within {
-            None => node,
-            Some((low, high)) => {
-                let least = new.binary(Binary::Max, node, low);
-                new.binary(Binary::Min, least, high)
-            }
-        };
-    }
-    for table in &mut new.tables {
-        for node in table.keys.iter_mut().chain(&mut table.values) {
-            *node = map[node.0 as usize];
-        }
-    }
-    let ranges = ranges(&new);
-    let total: f64 = roots.iter().map(|r| ranges[map[r.0 as usize].0 as usize].high.max(0.0)).sum();
-    if total <= LARGEST { total } else { f64::INFINITY }
-}
-
-/// Roots, and what tables are made of.
-fn table_roots(graph: &Graph, roots: &[NodeId]) -> Vec<NodeId> {
-    let entries = graph.tables.iter().flat_map(|t| t.keys.iter().chain(&t.values)).copied();
-    roots.iter().copied().chain(entries).collect()
-}
-
-/// Altitudes over a shell within a box.
-fn altitudes(solid: &Solid, (center, radius): (Vec3, f64), (a, b): (Vec3, Vec3)) -> (f64, f64) {
-    let far: Vec3 = std::array::from_fn(|i| (a[i] - center[i]).abs().max((b[i] - center[i]).abs()));
-    let near: Vec3 = std::array::from_fn(|i| center[i].clamp(a[i], b[i]) - center[i]);
-    let low = if solid.is_shell_over(center, radius) { 0.0 } else { length(near) - radius };
-    // Rounding on the shell itself.
-    (low - 1e-9 * radius, length(far) - radius)
 }

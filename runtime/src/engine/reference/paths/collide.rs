@@ -9,6 +9,7 @@ use super::super::closed::Profile;
 use super::super::field::{Ray, bad_coefficient, with_span};
 use super::super::gauss::{N, Nodes};
 use super::super::trace::{BANDS, LARGEST, PerBand, Worker};
+use super::bound::Majorants;
 use super::walk::Walk;
 use crate::frame::vector::scale;
 use compiler::diagnostic::Diagnostic;
@@ -110,15 +111,14 @@ impl<V: Voxels + ?Sized> Walk<'_, '_, V> {
                     }
                     profile => {
                         let length = end - start;
-                        let bound = match &profile {
-                            // Convex: largest at an end.
-                            Some(p) => {
-                                (0..self.worker.bands).map(|b| p.at(0.0, b).max(p.at(length, b))).fold(0.0, f64::max)
-                            }
-                            None => medium.bound,
-                        };
-                        let bound = if medium.emits { bound.max(2.0 / length) } else { bound };
-                        if let Some(event) = self.delta(ray, m, (start, end.min(last)), bound, &mut nulls)? {
+                        // Convex: largest at an end.
+                        let own = profile.as_ref().map(|p| {
+                            (0..self.worker.bands).map(|b| p.at(0.0, b).max(p.at(length, b))).fold(0.0, f64::max)
+                        });
+                        let own = own.map(Majorants::everywhere);
+                        let bounds = own.as_ref().unwrap_or(&medium.bound);
+                        let least = if medium.emits { 2.0 / length } else { 0.0 };
+                        if let Some(event) = self.delta(ray, m, (start, end.min(last)), (bounds, least), &mut nulls)? {
                             best = Some(event);
                         }
                     }
@@ -178,40 +178,58 @@ impl<V: Voxels + ?Sized> Walk<'_, '_, V> {
         self.gain(&here, &k_e.map(|e| e / bound));
     }
 
-    /// The first real event of a medium on a stretch, at a rate of tentative ones.
+    /// The first real event of a medium on a stretch, at the rate of tentative ones that holds where the ray is, and at least
+    /// at `least`.
     fn delta(
         &mut self,
         ray: &Ray,
         m: usize,
         (start, end): (f64, f64),
-        bound: f64,
+        (bounds, least): (&Majorants, f64),
         nulls: &mut Vec<Null>,
     ) -> Result<Option<Event>, Diagnostic> {
         let medium = &self.worker.fields.media[m];
-        if bound == 0.0 {
-            return Ok(None);
-        }
-        if !end.is_finite() || !bound.is_finite() {
+        let refuse = || {
             let what = if end.is_finite() { "has no bound that can be shown" } else { "never ends along a path" };
             let message = format!("medium `{}` {what}, which multiple scattering needs", medium.name);
-            return Err(with_span(Diagnostic::error("E0655", message), medium.span).hint(if end.is_finite() {
+            with_span(Diagnostic::error("E0655", message), medium.span).hint(if end.is_finite() {
                 "give it a bounded `shape`, or clamp what grows: `min(…, 10 /m)`"
             } else {
                 "give it a bounded `shape`"
-            }));
+            })
+        };
+        let single = |b: f64| b.max(least);
+        if !end.is_finite() && single(bounds.at(ray.at(start), ray.direction).0) > 0.0 {
+            return Err(refuse());
         }
         let mut t = start;
         let mut count = 0;
         loop {
-            let ts: Nodes = std::array::from_fn(|_| {
-                t += self.random.depth() / bound;
-                t
-            });
+            let mut rates: Nodes = [0.0; N];
+            let mut ts: Nodes = [f64::INFINITY; N];
+            for (slot, rate) in ts.iter_mut().zip(&mut rates) {
+                // From face to face of the bricks; a distance is drawn anew in each, since they have no memory.
+                while t < end {
+                    let (bound, exit) = bounds.at(ray.at(t), ray.direction);
+                    let bound = single(bound);
+                    if !bound.is_finite() {
+                        return Err(refuse());
+                    }
+                    let step = if bound > 0.0 { self.random.depth() / bound } else { f64::INFINITY };
+                    // Far away, as far as rounding lets a ray advance.
+                    let exit = exit.max(4.0 * f64::EPSILON * t.abs());
+                    t += step.min(exit);
+                    if step <= exit {
+                        (*slot, *rate) = (t, bound);
+                        break;
+                    }
+                }
+            }
             if ts[0] >= end {
                 return Ok(None);
             }
             let found = self.worker.coefficients(m, ray, &ts.map(|t| t.min(end)))?;
-            for (t, k) in ts.into_iter().zip(found) {
+            for ((t, bound), k) in ts.into_iter().zip(rates).zip(found) {
                 if t >= end {
                     return Ok(None);
                 }

@@ -1,0 +1,222 @@
+//! Bounds of media on a lattice of bricks, worked out by the runtime from intervals of their fields: empty bricks are leapt
+//! over, steps end before bricks in which something narrower than they may hide, tentative collisions happen at the rate of
+//! the brick that they fall into.
+
+use super::matter::{Matter, Scene};
+use super::shapes::{FAR, Ray, Region};
+use super::trace::{Medium, Tracer};
+use crate::analysis::feature::feature_length;
+use crate::analysis::narrow::narrow;
+use crate::fields::Code;
+use crate::ir::{Composite, FieldScene, Graph, NodeId, Primitive, PrimitiveKind, Tier};
+use crate::passes;
+use crate::program::kernel::{Expr, FunctionId, Math, Prim, Ty};
+use crate::program::{Ledger, MediumBounds, Narrow, StepRule};
+
+/// Numbers of a brick's record; see [`crate::program::Binding::Bounds`].
+const RECORD: u32 = 4;
+
+impl Scene {
+    /// Finds which media keep bounds, and says why the others do not.
+    pub(crate) fn keep_bounds(&mut self, scene: &mut FieldScene, rule: StepRule, ledger: &mut Ledger) {
+        let varies = |n: Option<NodeId>| n.is_some_and(|n| self.tiers[n.0 as usize] == Tier::Sample);
+        for m in &mut self.matter {
+            let open = varies(m.extinction) && m.closed.is_none();
+            let glows = m.steps && varies(m.emission) && m.closed.is_none();
+            let why = match rule {
+                _ if scene.render.composite != Composite::Radiance => "a projection looks at every value along a ray",
+                StepRule::Fixed(_) => "a number of steps is asked for",
+                StepRule::Slabs { .. } | StepRule::Splats { .. } => "it is not followed by steps along rays",
+                _ if m.region.is_unbounded(&self.primitives) => "it has no end",
+                _ if !has_box(&m.region, &self.primitives) => "no box around its shape is known",
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) if open || glows => {
+                    m.bounds = Some(self.bounds.len() as u32);
+                    self.bounds.push(bounds_of(scene, m, rule));
+                    continue;
+                }
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
+                    "its coefficients have closed forms along rays"
+                }
+            };
+            ledger.omit(format!("bounds of {}", m.name), why, m.span);
+        }
+        self.tiers = scene.graph.tiers();
+    }
+}
+
+/// Whether a box around a region follows from its primitives.
+fn has_box(region: &Region, primitives: &[Primitive]) -> bool {
+    match region {
+        Region::Everywhere => false,
+        Region::Leaf(i) => match primitives[*i].kind {
+            PrimitiveKind::Slab { .. } | PrimitiveKind::Sdf { .. } => false,
+            PrimitiveKind::Sphere { .. }
+            | PrimitiveKind::Ellipsoid { .. }
+            | PrimitiveKind::Box { .. }
+            | PrimitiveKind::Cylinder { .. }
+            | PrimitiveKind::Shell { .. } => true,
+        },
+        Region::Union(parts) => parts.iter().all(|r| has_box(r, primitives)),
+        Region::Intersection(parts) => parts.iter().any(|r| has_box(r, primitives)),
+        Region::Difference(first, _) => has_box(first, primitives),
+    }
+}
+
+fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds {
+    let roots: Vec<NodeId> = [m.extinction, m.emission, m.scattering].into_iter().flatten().collect();
+    let push = &mut |graph: &mut Graph, op| passes::push(graph, op);
+    let narrow = match rule {
+        // Paths meet what is narrow by chance, without bias.
+        StepRule::Paths(_) => vec![],
+        StepRule::Closed
+        | StepRule::Fixed(_)
+        | StepRule::Adaptive(_)
+        | StepRule::Slabs { .. }
+        | StepRule::Splats { .. } => narrow(&mut scene.graph, push, &roots),
+    };
+    let narrow = narrow.into_iter().map(|n| Narrow { argument: n.argument, gradient: n.gradient, bands: n.bands });
+    MediumBounds {
+        medium: m.index,
+        extinction: m.extinction,
+        emission: m.emission,
+        scattering: m.scattering,
+        narrow: narrow.collect(),
+        cell: feature_length(&scene.graph, &roots),
+    }
+}
+
+/// What a lattice says about a place and the way on from there.
+pub(super) struct Brick {
+    /// Largest extinction of any band in the brick.
+    pub(super) extinction: Expr,
+    /// Largest of what it sends towards the eye: emission and scattering.
+    pub(super) source: Expr,
+    /// Way to the end of the brick.
+    pub(super) exit: Expr,
+    /// Way to the end of the empty bricks around; 0 where this one is not empty.
+    pub(super) clear: Expr,
+    /// Longest step from here.
+    pub(super) longest: Expr,
+}
+
+impl Tracer<'_> {
+    /// The function that reads a medium's lattice: `name(p, d)`.
+    fn brick_function(&mut self, matter: &Matter, number: u32) -> FunctionId {
+        if let Some((_, function)) = self.bricks.iter().find(|b| b.0 == number) {
+            return *function;
+        }
+        let name = format!("{}_bounds", matter.name);
+        let buffer = self.builder.bounds(number, &name);
+        let [low, per_unit, counts] = self.builder.lattice(number, &name);
+        let result = self.builder.add_struct(
+            &format!("{}_brick", matter.name),
+            ["extinction", "source", "exit", "clear", "longest"].map(|n| (n.to_owned(), Ty::F32)).into(),
+        );
+        let mut code = Code::new(&name, matter.span);
+        let p = code.parameter("p", Ty::VEC3);
+        let d = code.parameter("d", Ty::VEC3);
+        let u = code.bind("u", Ty::VEC3, (p - low) * per_unit.clone());
+        let zero = || Expr::F32(0.0).splat(3);
+        let last = counts.clone() - Expr::F32(1.0).splat(3);
+        let cell = Expr::math(Math::Clamp, [Expr::math(Math::Floor, [u.clone()]), zero(), last]);
+        let cell = code.bind("cell", Ty::VEC3, cell);
+        let rows = cell.clone().component(2) * counts.clone().component(1) + cell.clone().component(1);
+        let index = rows * counts.component(0) + cell.clone().component(0);
+        let at = code.bind("at", Ty::U32, index.convert(Prim::U32) * RECORD);
+        let load = |i: u32| Expr::Load(buffer, Box::new(if i == 0 { at.clone() } else { at.clone() + i }));
+        let extinction = code.bind("extinction", Ty::F32, load(0));
+        let source = code.bind("source", Ty::F32, load(1));
+        let empty = code.bind("empty", Ty::F32, load(2));
+        let calm = code.bind("calm", Ty::F32, load(3));
+        let rate = code.bind("rate", Ty::VEC3, d * per_unit);
+        // From the place in the brick to the faces that lie ahead, and the way across a whole brick, along each axis.
+        let speed = code.bind("speed", Ty::VEC3, rate.clone().abs().max(Expr::F32(1e-30).splat(3)));
+        let place = code.bind("place", Ty::VEC3, Expr::math(Math::Clamp, [u - cell, zero(), Expr::F32(1.0).splat(3)]));
+        let ahead = (0..3u8).map(|i| {
+            let x = place.clone().component(i);
+            rate.clone().component(i).greater(0.0).select(Expr::F32(1.0) - x.clone(), x)
+        });
+        let ahead = Expr::Compose(Ty::VEC3, ahead.collect());
+        let ahead = code.bind("ahead", Ty::VEC3, ahead);
+        // Out of a cube of bricks around this one: `radius` bricks on either side, its own included.
+        let out_of = |code: &mut Code, name: &str, radius: Expr| {
+            let way = (ahead.clone() + (radius - 1.0).splat(3)) / speed.clone();
+            let way = code.bind(&format!("way_{name}"), Ty::VEC3, way);
+            let least = way.clone().component(0).min(way.clone().component(1)).min(way.component(2));
+            code.bind(name, Ty::F32, least)
+        };
+        // A little further, so that the next brick is entered whatever rounds: bounds hold that much around their bricks.
+        let nudge = speed.clone().component(0).max(speed.clone().component(1)).max(speed.clone().component(2));
+        let nudge = code.bind("nudge", Ty::F32, Expr::F32(1e-3) / nudge);
+        let exit = out_of(&mut code, "exit", Expr::F32(1.0)) + nudge.clone();
+        let around = out_of(&mut code, "around", empty.clone().max(1.0)) + nudge.clone();
+        let clear = empty.greater(0.0).select(around, 0.0);
+        let quiet = out_of(&mut code, "quiet", calm.clone().max(1.0)) + nudge;
+        // A negative number is the longest step within this brick.
+        let longest = calm.clone().greater(0.0).select(quiet.clone(), quiet.min(-calm));
+        code.return_(Expr::Compose(result, vec![extinction, source, exit, clear, longest]));
+        let function = self.builder.add_function(code.finish(Some(result)));
+        self.bricks.push((number, function));
+        function
+    }
+
+    /// What the lattice of a medium says at a place, if it has one.
+    pub(super) fn brick(&mut self, code: &mut Code, medium: &Medium<'_>, p: &Expr, d: &Expr) -> Option<Brick> {
+        let number = medium.matter.bounds?;
+        let function = self.brick_function(medium.matter, number);
+        let result = self.builder.result_of(function);
+        let value = Expr::Call(function, vec![p.clone(), d.clone()]);
+        let value = code.bind(&format!("brick_of_{}", medium.matter.name), result, value);
+        let field = |i: u32| value.clone().field(i);
+        Some(Brick { extinction: field(0), source: field(1), exit: field(2), clear: field(3), longest: field(4) })
+    }
+
+    /// Whether some of these media have bounds, and nothing else is always there beside them.
+    pub(super) fn leaps(&self, media: &[Medium<'_>]) -> bool {
+        media.iter().any(|m| m.matter.bounds.is_some())
+            && media.iter().all(|m| m.matter.bounds.is_some() || m.here.is_some())
+    }
+
+    /// Way through empty bricks from a place on a ray, 0 where there is something.
+    pub(super) fn clear_way(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Expr {
+        let p = code.bind("p_brick", Ty::VEC3, ray.at(t.clone()));
+        self.least_of(code, media, "clear", &mut |this, code, medium| {
+            Some(this.brick(code, medium, &p, &ray.direction).map_or(Expr::F32(0.0), |b| b.clear))
+        })
+    }
+
+    /// Longest step from a place on a ray that misses nothing narrow.
+    pub(super) fn longest_here(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Expr {
+        let p = code.bind("p_narrow", Ty::VEC3, ray.at(t.clone()));
+        self.least_of(code, media, "longest_here", &mut |this, code, medium| {
+            let watched = medium.matter.bounds.filter(|b| !this.scene.bounds[*b as usize].narrow.is_empty());
+            watched.and_then(|_| this.brick(code, medium, &p, &ray.direction)).map(|b| b.longest)
+        })
+    }
+
+    /// The least of what is asked of each medium that is here; FAR where there is none.
+    fn least_of(
+        &mut self,
+        code: &mut Code,
+        media: &[Medium<'_>],
+        name: &str,
+        ask: &mut dyn FnMut(&mut Self, &mut Code, &Medium<'_>) -> Option<Expr>,
+    ) -> Expr {
+        if let ([only], true) = (media, media.iter().all(|m| m.here.is_none())) {
+            return ask(self, code, only).unwrap_or(Expr::F32(FAR));
+        }
+        let least = code.var(name, Ty::F32, FAR);
+        for medium in media {
+            code.open();
+            if let Some(value) = ask(self, code, medium) {
+                code.set(least, Expr::Local(least).min(value));
+            }
+            let body = code.close();
+            match &medium.here {
+                Some(here) => code.push_if(here.clone(), body),
+                None => code.push_all(body),
+            }
+        }
+        Expr::Local(least)
+    }
+}

@@ -1,0 +1,147 @@
+//! What bounds of media are worth: evaluations and times against plain marching (a fixed number of steps, nothing skipped) at
+//! equal RMS error, each as a ratio within one run. Errors are against the same engine at a twentieth of the accuracy.
+//!
+//! `cargo bench --bench bounds` prints a table; evaluations do not depend on the machine.
+
+use compiler::Options;
+use compiler::ir::Aa;
+use compiler::program::OutputKind;
+use runtime::frame::{Drawing, EngineChoice, Session};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use tyndall_tests::{draw, open, root};
+
+/// Head-like: a shell of bone around tissue with cavities, and noise of a few counts, from a small generator.
+fn scan(folder: &Path) -> PathBuf {
+    const N: usize = 256;
+    let mut state = 1u32;
+    let mut voxels = Vec::with_capacity(N * N * N);
+    for k in 0..N {
+        for j in 0..N {
+            for i in 0..N {
+                let [x, y, z] = [i, j, k].map(|n| (n as f32 + 0.5) / N as f32 * 2.0 - 1.0);
+                let r = ((x / 0.72).powi(2) + (y / 0.85).powi(2) + (z / 0.8).powi(2)).sqrt();
+                let folds = 0.03 * ((14.0 * x).sin() * (13.0 * y).sin() + (15.0 * z).sin() * (12.0 * x).cos());
+                let cavity = (x.powi(2) + (y + 0.5).powi(2) + (z + 0.3).powi(2)).sqrt() < 0.18;
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let noise = (state >> 24) as f32 / 255.0 * 8.0 - 4.0;
+                let smooth = |edge: f32, width: f32, r: f32| 1.0 / (1.0 + ((r - edge) / width).exp());
+                let skin = 70.0 * smooth(1.0, 0.006, r);
+                let bone = 120.0 * (smooth(0.93, 0.006, r) - smooth(0.84, 0.006, r));
+                let brain = 30.0 * smooth(0.78 + folds, 0.01, r);
+                let v = if cavity { 10.0 } else { skin + bone + brain } + if r < 1.05 { noise } else { 0.0 };
+                voxels.push(v.clamp(0.0, 255.0) as u8);
+            }
+        }
+    }
+    let path = folder.join("scan.nrrd");
+    let mut file = std::fs::File::create(&path).expect("the folder is writable");
+    let header = format!(
+        "NRRD0004\ntype: uint8\ndimension: 3\nsizes: {N} {N} {N}\nencoding: raw\n\
+         space: right-anterior-superior\nspace units: \"mm\" \"mm\" \"mm\"\n\
+         space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n\n"
+    );
+    file.write_all(header.as_bytes()).expect("written");
+    file.write_all(&voxels).expect("written");
+    path
+}
+
+struct Trial {
+    name: &'static str,
+    path: PathBuf,
+    size: [u32; 2],
+}
+
+fn session(trial: &Trial, steps: Option<u32>, accuracy: Option<f64>) -> Option<Session> {
+    let mut options = Options { size: Some(trial.size), aa: Some(Aa::None), steps, accuracy, ..Options::default() };
+    options.outputs.push(OutputKind::Evaluations);
+    open(&trial.path, options, EngineChoice::Gpu)
+}
+
+/// The best of three, so that what else the machine does counts less.
+fn best(trial: &Trial, session: &mut Session) -> Drawing {
+    let mut drawings: Vec<Drawing> = (0..3).map(|_| draw(&trial.path, session)).collect();
+    drawings.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
+    drawings.swap_remove(0)
+}
+
+fn rms(a: &Drawing, b: &Drawing) -> f64 {
+    let (a, b) = (a.picture.radiance(), b.picture.radiance());
+    let sum: f64 = a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum();
+    (sum / a.len().max(1) as f64).sqrt()
+}
+
+fn measure(trial: &Trial) -> Option<()> {
+    let mut own = session(trial, None, None)?;
+    let accuracy = own.accuracy();
+    let mut exact = session(trial, None, Some(accuracy / 20.0))?;
+    let exact = draw(&trial.path, &mut exact);
+    let bounded = best(trial, &mut own);
+    let error = rms(&bounded, &exact);
+    let count = |d: &Drawing| d.evaluations.unwrap_or(0) as f64;
+    println!(
+        "{:8} bounded: RMS {error:.2e}, {:.3e} evaluations, {:.0} ms",
+        trial.name,
+        count(&bounded),
+        bounded.milliseconds
+    );
+    // Twice as many steps until plain marching is as good; between the last two its cost is interpolated by logarithms.
+    let mut before: Option<(f64, f64, f64)> = None;
+    let mut steps = 32;
+    loop {
+        let mut plain = session(trial, Some(steps), None)?;
+        let drawing = best(trial, &mut plain);
+        let now = (rms(&drawing, &exact), count(&drawing), drawing.milliseconds);
+        println!("{:8}   {steps:5} steps: RMS {:.2e}, {:.3e} evaluations, {:.0} ms", "", now.0, now.1, now.2);
+        if now.0 <= error || steps >= 8192 {
+            let share = match before {
+                Some(b) if b.0 > now.0 && now.0 < error => (b.0 / error).ln() / (b.0 / now.0).ln(),
+                _ => 1.0,
+            };
+            let between = |a: f64, b: f64| (a.ln() + share * (b.ln() - a.ln())).exp();
+            let (evaluations, milliseconds) = match before {
+                Some(b) => (between(b.1, now.1), between(b.2, now.2)),
+                None => (now.1, now.2),
+            };
+            let more = if now.0 > error { "more than " } else { "" };
+            println!(
+                "{:8} plain marching needs {more}{:.1} times the evaluations and {more}{:.2} times the time",
+                trial.name,
+                evaluations / count(&bounded),
+                milliseconds / bounded.milliseconds
+            );
+            return Some(());
+        }
+        before = Some(now);
+        steps *= 2;
+    }
+}
+
+fn main() {
+    // `cargo test --benches` runs this too, and wants nothing of it.
+    if !std::env::args().any(|a| a == "--bench") {
+        return;
+    }
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let folder = root().join("target").join("benchmark-scenes");
+    std::fs::create_dir_all(&folder).expect("the folder can be made");
+    let own = root().join("tests/benches/scenes");
+    std::fs::copy(own.join("scan.vol"), folder.join("scan.vol")).expect("copied");
+    let example = |name: &str| root().join("examples").join(name).with_extension("vol");
+    let trials = [
+        Trial { name: "sparse", path: own.join("sparse.vol"), size: [256, 256] },
+        Trial { name: "dense", path: own.join("dense.vol"), size: [256, 256] },
+        Trial { name: "scan", path: folder.join("scan.vol"), size: [512, 512] },
+        Trial { name: "brain", path: example("brain"), size: [256, 256] },
+        Trial { name: "nebula", path: example("nebula"), size: [256, 256] },
+        Trial { name: "cloud", path: example("cloud"), size: [256, 256] },
+    ];
+    for trial in trials.iter().filter(|t| wanted.is_empty() || wanted.iter().any(|w| w == t.name)) {
+        if trial.name == "scan" {
+            scan(&folder);
+        }
+        if measure(trial).is_none() {
+            println!("{:8} skipped: no adapter", trial.name);
+        }
+    }
+}
