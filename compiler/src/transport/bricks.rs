@@ -85,6 +85,9 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
     }
 }
 
+/// Steps across an occupied brick in which nothing is seen.
+const UNSEEN: f64 = 6.0;
+
 /// What a lattice says about a place and the way on from there.
 pub(super) struct Brick {
     /// Largest extinction of any band in the brick.
@@ -192,6 +195,25 @@ impl Tracer<'_> {
             let watched = medium.matter.bounds.filter(|b| !this.scene.bounds[*b as usize].narrow.is_empty());
             watched.and_then(|_| this.brick(code, medium, &p, &ray.direction)).map(|b| b.longest)
         })
+    }
+
+    /// The longest step on which it is believed that nothing is in an occupied brick, if that needs care: of fields with cells
+    /// of a known size, steps follow those.
+    pub(super) fn longest_unseen(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>]) -> Option<Expr> {
+        let plain = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].cell.is_none());
+        if !media.iter().any(plain) {
+            return None;
+        }
+        let least = self.least_of(code, media, "gap", &mut |this, code, medium| {
+            let number = medium.matter.bounds?;
+            this.scene.bounds[number as usize].cell.is_none().then(|| {
+                let [_, per_unit, _] = this.builder.lattice(number, &format!("{}_bounds", medium.matter.name));
+                let rate = code.bind("bricks_per_way", Ty::VEC3, (ray.direction.clone() * per_unit).abs());
+                let most = rate.clone().component(0).max(rate.clone().component(1)).max(rate.component(2));
+                Expr::F32(1.0 / UNSEEN) / most.max(1e-30)
+            })
+        });
+        Some(code.bind("longest_unseen", Ty::F32, least))
     }
 
     /// The least of what is asked of each medium that is here; FAR where there is none.

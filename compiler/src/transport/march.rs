@@ -153,6 +153,7 @@ impl Tracer<'_> {
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
         let jumps = self.jumps(code, ray);
+        let gap = self.longest_unseen(code, ray, media);
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
         let h = code.var("h", Ty::F32, longest.clone());
@@ -280,6 +281,13 @@ impl Tracer<'_> {
             let cut = differs(before.into(), first.clone()).or(differs(second.clone(), after.clone()));
             let much = step.clone() / (length.clone() * (accuracy.clone() * (0.5 * SHARE))).max(1e-37);
             wrong.push(cut.select(much.clone() * much, 0.0));
+        }
+        if let Some(gap) = gap {
+            // Something is in this brick, and no sample has met it: it may lie between them.
+            let seen = [x.clone().map(|x| largest(x, dw)), light_gain.clone().map(|l| largest(l, lw))];
+            let seen = seen.into_iter().flatten().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
+            let much = code.bind("gaps", Ty::F32, step.clone() / gap);
+            wrong.push(seen.equal(0.0).select(much.clone() * much, 0.0));
         }
         let wrong = wrong.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         let wrong = code.bind("excess", Ty::F32, wrong);
