@@ -12,6 +12,8 @@ use rustc_hash::FxHashMap;
 
 /// Most rows of a table that are looked at: a longer one is read from data, where rows are no features.
 const MOST_ROWS: usize = 4096;
+/// A turn of a table counts if both its sides are at least this share of all that the column spans.
+const PROMINENT: f64 = 0.25;
 /// Most arguments that are followed.
 const LIMIT: usize = 16;
 
@@ -92,10 +94,12 @@ fn stripped(graph: &Graph, argument: NodeId, value: f64) -> Vec<(NodeId, f64)> {
     out
 }
 
-/// Pairs of keys between which some column of a table rises and falls again, or the other way round.
+/// Pairs of keys between which some column of a table rises and falls again, or the other way round, by as much as counts.
 fn turns(keys: &[f64], columns: &[Vec<f64>]) -> Vec<(f64, f64)> {
     let mut out = vec![];
     for column in columns {
+        let (low, high) = column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)));
+        let least = PROMINENT * (high - low);
         // Where the run that the last change belongs to began, and its sign.
         let mut run: Option<(usize, f64)> = None;
         for i in 1..column.len() {
@@ -109,7 +113,10 @@ fn turns(keys: &[f64], columns: &[Vec<f64>]) -> Vec<(f64, f64)> {
                     // From where it began to turn away until it stops coming back.
                     let end = (i..column.len()).find(|j| (column[*j] - column[*j - 1]) * change <= 0.0);
                     let end = end.map_or(column.len() - 1, |j| j - 1);
-                    out.push((keys[first], keys[end]));
+                    let peak = column[i - 1];
+                    if (peak - column[first]).abs().min((peak - column[end]).abs()) >= least {
+                        out.push((keys[first], keys[end]));
+                    }
                     run = Some((i - 1, change.signum()));
                 }
                 None => run = Some((i - 1, change.signum())),
@@ -246,5 +253,7 @@ mod tests {
         assert_eq!(rise, []);
         let peak = turns(&[0.0, 1.0, 1.5, 2.0, 9.0], &[vec![0.0, 0.0, 5.0, 0.0, 0.0]]);
         assert_eq!(peak, [(1.0, 2.0)]);
+        let dent = turns(&[0.0, 1.0, 2.0, 3.0], &[vec![0.0, 12.0, 9.0, 300.0]]);
+        assert_eq!(dent, []);
     }
 }
