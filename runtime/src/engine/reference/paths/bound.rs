@@ -1,6 +1,7 @@
 //! Upper bounds of extinction for delta tracking: intervals of the coefficients over bricks of the box around a medium, with
 //! the params of the frame as numbers and grids within the extremes of their voxels.
 
+use super::super::field::Ray;
 use super::super::shape::Solid;
 use super::super::trace::LARGEST;
 use crate::frame::vector::Vec3;
@@ -99,6 +100,38 @@ impl Majorants {
         let all = (0..BRICKS.pow(3)).into_par_iter();
         let bounds = all.map_init(|| code.workspace(), |work, n| brick(n, work)).collect();
         Self { low, edge, bounds }
+    }
+
+    /// The largest of all.
+    pub(in super::super) fn most(&self) -> f64 {
+        self.bounds.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Moves `t` on to the next tentative event before `end`, at the rate of the bound where the ray is and at least at
+    /// `least`; gives that rate, infinite where there is no bound, or nothing if there is no event. `depth` draws optical
+    /// depths: anew in every brick, since they have no memory.
+    pub(in super::super) fn next(
+        &self,
+        ray: &Ray,
+        t: &mut f64,
+        (end, least): (f64, f64),
+        depth: &mut dyn FnMut() -> f64,
+    ) -> Option<f64> {
+        while *t < end {
+            let (bound, exit) = self.at(ray.at(*t), ray.direction);
+            let rate = bound.max(least);
+            if !rate.is_finite() {
+                return Some(rate);
+            }
+            let step = if rate > 0.0 { depth() / rate } else { f64::INFINITY };
+            // Far away, as far as rounding lets a ray advance.
+            let exit = exit.max(4.0 * f64::EPSILON * t.abs());
+            *t += step.min(exit);
+            if step <= exit && *t < end {
+                return Some(rate);
+            }
+        }
+        None
     }
 
     /// The bound at a place, and how far it holds along a direction; a little beyond, so that the next brick is entered.

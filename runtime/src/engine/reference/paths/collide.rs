@@ -198,8 +198,7 @@ impl<V: Voxels + ?Sized> Walk<'_, '_, V> {
                 "give it a bounded `shape`"
             })
         };
-        let single = |b: f64| b.max(least);
-        if !end.is_finite() && single(bounds.at(ray.at(start), ray.direction).0) > 0.0 {
+        if !end.is_finite() && bounds.most().max(least) > 0.0 {
             return Err(refuse());
         }
         let mut t = start;
@@ -208,22 +207,11 @@ impl<V: Voxels + ?Sized> Walk<'_, '_, V> {
             let mut rates: Nodes = [0.0; N];
             let mut ts: Nodes = [f64::INFINITY; N];
             for (slot, rate) in ts.iter_mut().zip(&mut rates) {
-                // From face to face of the bricks; a distance is drawn anew in each, since they have no memory.
-                while t < end {
-                    let (bound, exit) = bounds.at(ray.at(t), ray.direction);
-                    let bound = single(bound);
-                    if !bound.is_finite() {
-                        return Err(refuse());
-                    }
-                    let step = if bound > 0.0 { self.random.depth() / bound } else { f64::INFINITY };
-                    // Far away, as far as rounding lets a ray advance.
-                    let exit = exit.max(4.0 * f64::EPSILON * t.abs());
-                    t += step.min(exit);
-                    if step <= exit {
-                        (*slot, *rate) = (t, bound);
-                        break;
-                    }
+                let Some(bound) = bounds.next(ray, &mut t, (end, least), &mut || self.random.depth()) else { break };
+                if !bound.is_finite() {
+                    return Err(refuse());
                 }
+                (*slot, *rate) = (t, bound);
             }
             if ts[0] >= end {
                 return Ok(None);

@@ -2,7 +2,7 @@
 //! without bias by ratio tracking (Novák, Selle and Jarosz 2014) where that takes few evaluations, and the depth integrated where not.
 
 use super::super::field::Ray;
-use super::super::gauss::Nodes;
+use super::super::gauss::{N, Nodes};
 use super::super::light::Arrival;
 use super::super::trace::{BANDS, PerBand};
 use super::walk::{DEPTH, Walk};
@@ -26,7 +26,7 @@ impl<V: Voxels + ?Sized> Walk<'_, '_, V> {
         for (m, medium) in fields.media.iter().enumerate() {
             let Some(shade) = &medium.shade else { continue };
             for &(a, b) in &spans[m] {
-                if shade.closed.is_none() && medium.bound * (b - a) < FEW {
+                if shade.closed.is_none() && medium.bound.most() * (b - a) < FEW {
                     self.pass(&ray, m, (a, b), &mut left)?;
                 } else {
                     let part = self.worker.part(&ray, m, (a, b), DEPTH)?;
@@ -39,16 +39,21 @@ impl<V: Voxels + ?Sized> Walk<'_, '_, V> {
 
     /// Draws what a medium leaves of light on a stretch.
     fn pass(&mut self, ray: &Ray, m: usize, (a, b): (f64, f64), left: &mut PerBand) -> Result<(), Diagnostic> {
-        let (bound, bands) = (self.worker.fields.media[m].bound, self.worker.bands);
+        let (bounds, bands) = (&self.worker.fields.media[m].bound, self.worker.bands);
         let mut t = a;
-        while bound > 0.0 && left[..bands].iter().any(|l| *l > 0.0) {
-            let ts: Nodes = std::array::from_fn(|_| {
-                t += self.random.depth() / bound;
-                t
-            });
+        while left[..bands].iter().any(|l| *l > 0.0) {
+            let mut rates: Nodes = [0.0; N];
+            let mut ts: Nodes = [f64::INFINITY; N];
+            for (slot, rate) in ts.iter_mut().zip(&mut rates) {
+                let Some(bound) = bounds.next(ray, &mut t, (b, 0.0), &mut || self.random.depth()) else { break };
+                (*slot, *rate) = (t, bound);
+            }
+            if ts[0] >= b {
+                break;
+            }
             let (sigma, _) = self.worker.extinction(ray, m, &ts.map(|t| t.min(b)))?;
             for (lane, _) in ts.iter().enumerate().take_while(|(_, t)| **t < b) {
-                (0..bands).for_each(|band| left[band] *= (1.0 - sigma[band][lane] / bound).max(0.0));
+                (0..bands).for_each(|band| left[band] *= (1.0 - sigma[band][lane] / rates[lane]).max(0.0));
             }
             if t >= b {
                 break;
