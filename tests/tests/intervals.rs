@@ -4,7 +4,7 @@ use compiler::analysis::interval::{Enclosure, Interval, Region, TableBounds, alt
 use compiler::ir::eval::{Environment, LANES, Tables, Tape, evaluate_with};
 use compiler::ir::{FieldScene, NodeId};
 use compiler::{Options, compile};
-use runtime::frame::{FileLoader, Grids, Params};
+use runtime::frame::{FileLoader, Grids, Params, SceneFiles};
 use std::path::Path;
 use tyndall_tests::{files, name, text};
 

@@ -180,6 +180,16 @@ impl Tracer<'_> {
             && media.iter().all(|m| m.matter.bounds.is_some() || m.here.is_some())
     }
 
+    /// Whether some lattice of these media has more than one brick.
+    pub(super) fn bricked(&mut self, media: &[Medium<'_>]) -> Expr {
+        let bounded = media.iter().filter_map(|m| Some((m.matter.bounds?, &m.matter.name)));
+        let several = bounded.map(|(number, name)| {
+            let [_, _, counts] = self.builder.lattice(number, &format!("{name}_bounds"));
+            counts.component(0).greater(1.0)
+        });
+        several.reduce(Expr::or).unwrap_or(Expr::Bool(false))
+    }
+
     /// Way through empty bricks from a place on a ray, 0 where there is something.
     pub(super) fn clear_way(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Expr {
         let p = code.bind("p_brick", Ty::VEC3, ray.at(t.clone()));

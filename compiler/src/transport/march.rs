@@ -380,7 +380,12 @@ impl Tracer<'_> {
                 code.set(before, -1.0);
             }
             let over = code.close();
+            code.open();
             code.push_loop(over);
+            let leap = code.close();
+            // A lattice of one brick has nothing to leap over.
+            let bricked = self.bricked(media);
+            code.push_if(bricked, leap);
         }
     }
 
