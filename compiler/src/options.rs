@@ -31,6 +31,8 @@ pub struct Options {
     pub size: Option<[u32; 2]>,
     /// Instead of `image.aa`.
     pub aa: Option<Aa>,
+    /// Leaves the bounds of media out: whoever has the voxels found that they tell nothing.
+    pub unbounded: bool,
     /// A change that puts the scene to the test.
     pub change: Option<Change>,
 }
@@ -50,6 +52,7 @@ impl Default for Options {
             samples: None,
             size: None,
             aa: None,
+            unbounded: false,
             change: None,
         }
     }

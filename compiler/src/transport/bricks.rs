@@ -211,7 +211,7 @@ impl Tracer<'_> {
     /// of a known size, steps follow those.
     pub(super) fn longest_unseen(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>]) -> Option<Expr> {
         let plain = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].cell.is_none());
-        if !media.iter().any(plain) {
+        if !self.leaps(media) || !media.iter().any(plain) {
             return None;
         }
         let least = self.least_of(code, media, "gap", &mut |this, code, medium| {

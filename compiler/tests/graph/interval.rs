@@ -49,8 +49,8 @@ impl Random {
             -1e-12,
             1e12,
             3.2,
-            6.283185307179586,
-            -1.5707963267948966,
+            std::f64::consts::TAU,
+            -std::f64::consts::FRAC_PI_2,
         ];
         match self.below(8) {
             0 => SPECIAL[self.below(SPECIAL.len())],
@@ -290,7 +290,7 @@ fn compare_values<V: Voxels + Extremes>(
         let environment =
             Environment { position, time: 0.5, params: &chosen, tables: &values, ..Environment::default() };
         tape.run(&environment, voxels, &mut scratch);
-        for i in 0..roots.len() {
+        for (i, root) in roots.iter().enumerate() {
             let intervals = code.root(work, i);
             for (lanes, interval) in tape.root(&scratch, i).iter().zip(intervals) {
                 for lane in 0..LANES {
@@ -298,10 +298,10 @@ fn compare_values<V: Voxels + Extremes>(
                     assert!(
                         interval.holds(lanes[lane]),
                         "{:?} = {:e} at {:?} of {boxes:?} is not in {interval:?}\n{}",
-                        graph.op(roots[i]),
+                        graph.op(*root),
                         lanes[lane],
                         position.map(|p| p[lane]),
-                        compiler::ir::print(graph, &[("root".into(), roots[i])]),
+                        compiler::ir::print(graph, &[("root".into(), *root)]),
                     );
                 }
             }

@@ -69,6 +69,12 @@ impl Bricks {
         }
     }
 
+    /// Whether it is one brick, which tells no more than a bound of the whole.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.counts == [1; 3]
+    }
+
     /// The records, brick by brick.
     #[must_use]
     pub fn records(&self) -> &[[f32; 4]] {

@@ -22,6 +22,12 @@ impl Grids {
         Self { loaded, pyramids }
     }
 
+    /// The volumes.
+    #[must_use]
+    pub fn loaded(&self) -> &[Loaded] {
+        &self.loaded
+    }
+
     fn pyramid(&self, grid: usize) -> &Pyramid {
         self.pyramids[grid].get_or_init(|| self.loaded[grid].volume.pyramid())
     }

@@ -33,7 +33,11 @@ pub(super) fn build(
     if seen.closed && scene.render.composite == Composite::Radiance {
         ledger.omit("loop over steps", "every coefficient has a closed form along a ray", None);
     }
-    seen.keep_bounds(scene, rule, ledger);
+    if options.unbounded {
+        ledger.omit("bounds of media", "no brick of them is empty or much thinner than others", None);
+    } else {
+        seen.keep_bounds(scene, rule, ledger);
+    }
     let wanted = records::wanted(&options.outputs);
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = records::samples(aa, options.rays, ledger);

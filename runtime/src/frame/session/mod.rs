@@ -21,7 +21,7 @@ use compiler::analysis::interval::Interval;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::evaluate_frame;
 use compiler::ir::{Aa, FieldScene, MeshId, MeshInfo, Scattering};
-use compiler::program::{OutputKind, Program, StepRule, UniformField, UniformSource};
+use compiler::program::{OutputKind, Program, RaySource, StepRule, UniformField, UniformSource};
 use compiler::source::Sources;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -105,8 +105,47 @@ impl Engine {
     }
 }
 
-/// Bounds of media with the parameters, time and white that they are of.
-type Held = Option<(Params, f64, f64, Arc<Vec<Vec<Bricks>>>)>;
+/// What bounds of media are made for.
+#[derive(Copy, Clone, Debug, PartialEq)]
+struct Bounding {
+    /// A picture, or rays by hand.
+    picture: bool,
+    accuracy: f64,
+}
+
+/// Bounds of media, and what they are of.
+#[derive(Clone, Debug)]
+struct Held {
+    bounding: Bounding,
+    params: Params,
+    time: f64,
+    bricks: Arc<Vec<Vec<Bricks>>>,
+}
+
+impl Bounding {
+    fn new(program: &Program, options: &compiler::Options) -> Self {
+        let accuracy = options.accuracy.unwrap_or(program.lowered.render.accuracy);
+        Self { picture: program.plan.rays == RaySource::Camera, accuracy }
+    }
+
+    /// The bounds, if the program reads any.
+    fn of(self, program: &Program, params: &Params, time: f64, grids: &Grids) -> Option<Held> {
+        if program.parts().all(|p| p.plan.bounds.is_empty()) {
+            return None;
+        }
+        // Optical depth is asked for relative to itself, and so is all that a probe asks.
+        let relative = program.plan.output(OutputKind::OpticalDepth).is_some() || !self.picture;
+        let white = if relative { 0.0 } else { super::white(&program.lowered, &params.0, time) };
+        let of_part = |part: &Program| {
+            let paths = matches!(part.plan.steps, StepRule::Paths(_));
+            let nothing = Nothing { accuracy: self.accuracy, white, paths };
+            let one = |b| Bricks::new(&part.optimised, b, (&params.0, time), grids, nothing);
+            part.plan.bounds.iter().map(one).collect()
+        };
+        let bricks = Arc::new(program.parts().map(of_part).collect());
+        Some(Held { bounding: self, params: params.clone(), time, bricks })
+    }
+}
 
 /// A compiled scene on an engine, with its grids loaded: draws as often as wanted.
 #[derive(Debug)]
@@ -122,7 +161,7 @@ pub struct Session {
     seed: u64,
     eye: Option<Camera>,
     grid_ranges: Vec<Interval>,
-    bricks: Mutex<Held>,
+    bricks: Mutex<Option<Held>>,
     compile_ms: f64,
     build_ms: f64,
 }
@@ -218,17 +257,13 @@ impl Session {
             diagnostics: diagnostics.clone(),
             sources: sources.clone(),
         };
-        let Some(program) = compiled.program.filter(|_| !warnings.has_errors()) else {
+        let Some(mut program) = compiled.program.filter(|_| !warnings.has_errors()) else {
             return Err(trouble(Cause::Input, &warnings));
         };
-        let emitted = program.parts().map(|part| part.kernels.iter().map(compiler::emit::emit).collect());
-        let shaders: Vec<Vec<compiler::emit::Shader>> = match emitted.collect::<Result<_, _>>() {
-            Ok(shaders) => shaders,
-            Err(error) => {
-                warnings.push(error.diagnostic());
-                return Err(trouble(Cause::Input, &warnings));
-            }
-        };
+        let mut shaders = emit(&program).map_err(|error| {
+            warnings.push(error);
+            trouble(Cause::Input, &warnings)
+        })?;
         let compile_ms = milliseconds(started);
         let started = Instant::now();
         let infos = &program.lowered.graph.grids;
@@ -259,27 +294,48 @@ impl Session {
                 warnings.push(at_mesh(diagnostic, infos, i));
             }
         }
+        let grids = Grids::new(loaded);
+        let mut held = match settings.engine {
+            EngineChoice::Auto | EngineChoice::Gpu => Bounding::new(&program, &settings.options).of(
+                &program,
+                &Params::defaults(&program.lowered),
+                0.0,
+                &grids,
+            ),
+            EngineChoice::Cpu | EngineChoice::Reference => None,
+        };
+        // Where bounds tell nothing, code that reads them would only be in the way.
+        if held.as_ref().is_some_and(|h| h.bricks.iter().flatten().all(Bricks::is_whole)) {
+            let options = compiler::Options { unbounded: true, ..settings.options.clone() };
+            if let Some(plain) = compiler::compile(name, text, loader, &options).program {
+                shaders = emit(&plain).map_err(|error| {
+                    warnings.push(error);
+                    trouble(Cause::Input, &warnings)
+                })?;
+                (program, held) = (plain, None);
+            }
+        }
         let program = Arc::new(program);
-        let (engine, fallback) = choose(&program, shaders, (&loaded, &meshes), &settings).map_err(|error| {
+        let (engine, fallback) = choose(&program, shaders, (grids.loaded(), &meshes), &settings).map_err(|error| {
             warnings.push(machine(&error));
             trouble(Cause::Machine, &warnings)
         })?;
         let majorant = |f: &UniformField| matches!(f.source, UniformSource::Majorant(_));
         let majorants = program.parts().any(|p| p.plan.uniforms.fields.iter().any(majorant));
-        let grid_ranges = if majorants { loaded.iter().map(|l| values(&l.volume)).collect() } else { vec![] };
+        let grid_ranges = if majorants { grids.loaded().iter().map(|l| values(&l.volume)).collect() } else { vec![] };
         Ok(Self {
             program,
             sources,
             warnings,
             options: settings.options,
-            grids: Grids::new(loaded),
+            grids,
             meshes: Triangles(meshes),
             engine,
             fallback,
             seed: settings.seed,
             eye: None,
             grid_ranges,
-            bricks: Mutex::default(),
+            bricks: Mutex::new(held),
             compile_ms,
             build_ms: milliseconds(started),
         })
@@ -454,25 +510,13 @@ impl Session {
         if self.program.parts().all(|p| p.plan.bounds.is_empty()) {
             return Arc::default();
         }
-        // Optical depth is asked for relative to itself, and so is all that a probe asks.
-        let relative = self.program.plan.output(OutputKind::OpticalDepth).is_some() || !picture;
-        let white = if relative { 0.0 } else { super::white(&self.program.lowered, &params.0, time) };
+        let bounding = Bounding { picture, accuracy: self.accuracy() };
         let mut held = self.bricks.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*held {
-            Some((p, t, w, bricks)) if p == params && *t == time && *w == white => Arc::clone(bricks),
-            _ => {
-                let of_part = |part: &Program| {
-                    let paths = matches!(part.plan.steps, StepRule::Paths(_));
-                    let nothing = Nothing { accuracy: self.accuracy(), white, paths };
-                    let scene = &part.optimised;
-                    let one = |b| Bricks::new(scene, b, (&params.0, time), &self.grids, nothing);
-                    part.plan.bounds.iter().map(one).collect()
-                };
-                let bricks = Arc::new(self.program.parts().map(of_part).collect());
-                *held = Some((params.clone(), time, white, Arc::clone(&bricks)));
-                bricks
-            }
+        if let Some(held) = held.as_ref().filter(|h| h.bounding == bounding && h.params == *params && h.time == time) {
+            return Arc::clone(&held.bricks);
         }
+        *held = bounding.of(&self.program, params, time, &self.grids);
+        held.as_ref().map_or_else(Arc::default, |h| Arc::clone(&h.bricks))
     }
 
     /// Draws one picture. `progress` is called with the share that is done.
@@ -780,6 +824,12 @@ fn values(volume: &Volume) -> Interval {
 /// The largest of a pixel's errors.
 fn largest(errors: &[f64]) -> f32 {
     errors.iter().copied().fold(0.0, f64::max) as f32
+}
+
+/// The shaders of every part.
+fn emit(program: &Program) -> Result<Vec<Vec<compiler::emit::Shader>>, Diagnostic> {
+    let parts = program.parts().map(|part| part.kernels.iter().map(compiler::emit::emit).collect());
+    parts.collect::<Result<_, _>>().map_err(|error: compiler::emit::EmitError| error.diagnostic())
 }
 
 fn milliseconds(since: Instant) -> f64 {
