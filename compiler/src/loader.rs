@@ -26,6 +26,19 @@ pub struct MeshHeader {
     pub bounds: ([f64; 3], [f64; 3]),
 }
 
+/// What a file of 3D Gaussian splats holds, in metres.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct SplatsHeader {
+    /// Number of splats.
+    pub count: u32,
+    /// Degree of their spherical harmonics, 0 to 3.
+    pub degree: u8,
+    /// Lower and upper corner of the box around their centres.
+    pub bounds: ([f64; 3], [f64; 3]),
+    /// The same without the hundredth of centres that is lowest and the hundredth that is highest along each axis.
+    pub core: ([f64; 3], [f64; 3]),
+}
+
 /// How a voxel is stored.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -88,6 +101,15 @@ pub trait Loader {
     /// # Errors
     /// When the file is missing, of an unknown kind, or broken; loaders that know no meshes refuse all.
     fn mesh(&self, from: &str, path: &str) -> Result<MeshHeader, LoadError> {
+        let _ = from;
+        Err(NoFiles::refuse(path))
+    }
+
+    /// What a file of splats holds. `from` and `path` as above.
+    ///
+    /// # Errors
+    /// When the file is missing, of an unknown kind, or broken; loaders that know no splats refuse all.
+    fn splats(&self, from: &str, path: &str) -> Result<SplatsHeader, LoadError> {
         let _ = from;
         Err(NoFiles::refuse(path))
     }

@@ -1,8 +1,9 @@
-//! Memory of the readers of volumes and meshes, under an allocator that refuses more than it is allowed. One test, since the limit
+//! Memory of the readers of volumes, meshes and splats, under an allocator that refuses more than it is allowed. One test, since the limit
 //! counts for the whole process.
 
 use cap::Cap;
 use runtime::data::mesh::read_mesh_from;
+use runtime::data::splats::read_splats_from;
 use runtime::data::{Memory, read_header, read_volume, read_volume_from};
 use std::alloc::System;
 use std::io::Write;
@@ -99,4 +100,16 @@ fn voxels_are_held_once_and_headers_are_not_believed() {
         let error = within(SLACK, || read_mesh_from(&files, Path::new("a.ply"))).map(|_| ()).unwrap_err();
         assert_eq!(error.code, code, "{counts}: {}", error.message);
     }
+
+    // Splats: a count that nothing bears out, and a file of a hundred thousand of degree 3, zeros but for its rotations.
+    let header = |count: u32| [b"NGSP\x03\0\0\0".as_slice(), &count.to_le_bytes(), &[3, 12, 0, 0]].concat();
+    let files = Memory::one("a.spz", gzip(&[header(60_000_000), vec![0; 1000]].concat()));
+    let error = within(SLACK, || read_splats_from(&files, Path::new("a.spz"))).map(|_| ()).unwrap_err();
+    assert_eq!(error.code, "E0662", "{}", error.message);
+    let count = 100_000;
+    let files = Memory::one("a.spz", gzip(&[header(count as u32), vec![0; 65 * count]].concat()));
+    // Vectors may be twice as long as what is in them, here and in the decompressed blocks.
+    let (splats, _) =
+        within(2 * (236 + 65) * count + SLACK, || read_splats_from(&files, Path::new("a.spz"))).expect("reads");
+    assert_eq!((splats.len(), splats.bytes_per_splat()), (count, 236));
 }

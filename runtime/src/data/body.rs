@@ -42,7 +42,7 @@ pub(super) enum Stop {
 const MAX_SKIP: u64 = 256 << 20;
 
 /// Deflate packs at most 1032 bytes into one.
-const MAX_DEFLATE: u64 = 1040;
+pub(super) const MAX_DEFLATE: u64 = 1040;
 
 /// Number of samples and their bytes.
 ///

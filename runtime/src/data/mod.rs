@@ -1,5 +1,5 @@
 //! Readers of volume files: NIfTI-1 and NIfTI-2 (`.nii`, `.nii.gz`, `.hdr` + `.img`) and NRRD (`.nrrd`, `.nhdr`); files of
-//! triangles are in [`mesh`].
+//! triangles are in [`mesh`], files of 3D Gaussian splats in [`splats`].
 //!
 //! What kind of file it is decides its content; the ending matters only for the wording of errors.
 //!
@@ -25,8 +25,11 @@ mod input;
 pub mod mesh;
 mod nifti;
 mod nrrd;
+mod ply;
+pub mod splats;
 #[cfg(test)]
 mod tests;
+mod text;
 mod volume;
 mod voxels;
 
@@ -165,6 +168,29 @@ fn open(files: &dyn Files, path: &Path) -> Result<Opened, LoadError> {
 fn has_ending(path: &Path, endings: &[&str]) -> bool {
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))
+}
+
+/// Under which codes a reader that others share reports.
+#[derive(Copy, Clone, Debug)]
+struct Codes {
+    /// The file breaks its format.
+    broken: &'static str,
+    /// It ends early.
+    truncated: &'static str,
+}
+
+impl Codes {
+    fn broken(self, message: impl Into<String>) -> LoadError {
+        LoadError { code: self.broken, message: message.into(), hint: None }
+    }
+
+    fn truncated(self, message: impl Into<String>) -> LoadError {
+        LoadError {
+            code: self.truncated,
+            message: message.into(),
+            hint: Some("the file is cut off, or its header is wrong: copy or export it again".into()),
+        }
+    }
 }
 
 /// `E0603`: the file breaks its format.

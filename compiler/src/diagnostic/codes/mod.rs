@@ -9,6 +9,7 @@ mod lowering;
 mod machine;
 mod names;
 mod pending;
+mod splats;
 mod syntax;
 mod types;
 
@@ -33,6 +34,7 @@ pub fn all_codes() -> impl Iterator<Item = &'static CodeInfo> {
         lowering::CODES,
         data::CODES,
         machine::CODES,
+        splats::CODES,
         pending::CODES,
     ]
     .into_iter()

@@ -25,10 +25,13 @@ mod tests;
 pub use bvh::Node;
 
 use super::input::{Disk, Files};
-use super::{LoadWarning, has_ending, named};
+use super::{Codes, LoadWarning, has_ending, named};
 use compiler::loader::{LoadError, MeshHeader};
 use soup::Soup;
 use std::path::Path;
+
+/// A file that breaks its format, and one that ends early.
+const CODES: Codes = Codes { broken: "E0612", truncated: "E0613" };
 
 /// The most triangles that are read. The GPU's nodes have 29 bits for the number of a triangle; memory ends earlier.
 pub const MAX_TRIANGLES: usize = 1 << 26;
@@ -145,14 +148,5 @@ fn not_a_mesh() -> LoadError {
 
 /// `E0612`: the file breaks its format.
 fn broken(message: impl Into<String>) -> LoadError {
-    LoadError { code: "E0612", message: message.into(), hint: None }
-}
-
-/// `E0613`: the file ends early.
-fn truncated(message: impl Into<String>) -> LoadError {
-    LoadError {
-        code: "E0613",
-        message: message.into(),
-        hint: Some("the file is cut off, or its header is wrong: copy or export it again".into()),
-    }
+    CODES.broken(message)
 }

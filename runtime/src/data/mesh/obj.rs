@@ -4,8 +4,9 @@
 //! normal, of which the first counts. A `\` at the end of a line continues it. The fourth number of `v` is a weight that
 //! only curves use (and some programs write colours there), so it changes nothing.
 
-use super::soup::{Soup, index_error, next_line, number, shown, words};
-use super::{broken, not_a_mesh};
+use super::soup::{Soup, index_error};
+use super::{CODES, broken, not_a_mesh};
+use crate::data::text::{next_line, number, shown, words};
 use compiler::loader::LoadError;
 use std::io::BufRead;
 
@@ -13,10 +14,10 @@ pub(super) fn read(mut reader: impl BufRead) -> Result<Soup, LoadError> {
     let mut soup = Soup::default();
     let (mut line, mut more, mut at, mut anything) = (vec![], vec![], 0_u64, false);
     let mut face = vec![];
-    while next_line(&mut reader, &mut line)? {
+    while next_line(&mut reader, &mut line, CODES)? {
         at += 1;
         let start = at;
-        while continued(&mut line) && next_line(&mut reader, &mut more)? {
+        while continued(&mut line) && next_line(&mut reader, &mut more, CODES)? {
             at += 1;
             line.push(b' ');
             line.extend_from_slice(&more);
