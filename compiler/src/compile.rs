@@ -98,6 +98,16 @@ fn backend(
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Option<Program> {
+    if let (Scattering::Multiple, Some(splats)) = (lowered.render.scattering, lowered.splats.first()) {
+        let mut diagnostic =
+            Diagnostic::error("E0908", "splats in light that is scattered many times are not there yet")
+                .hint("use `scattering = single`, or `none`");
+        if let Some(span) = splats.span {
+            diagnostic = diagnostic.at(span, "these splats");
+        }
+        diagnostics.push(diagnostic);
+        return None;
+    }
     let mut ledger = Ledger::default();
     note_features(scene, &lowered, &mut ledger);
     let mut optimised = passes::optimise(&lowered, &mut ledger);
@@ -147,7 +157,7 @@ fn note_features(scene: &hir::Scene, lowered: &FieldScene, ledger: &mut Ledger) 
     if scene.surfaces.is_empty() {
         ledger.omit("surfaces", "the scene has none", None);
     }
-    if scene.pending.is_empty() {
+    if scene.pending.is_empty() && scene.splats.is_empty() {
         ledger.omit("glyph atlas and splat sorting", "the scene has no text and no splats", None);
     }
     if lowered.bands.count() == 1 {

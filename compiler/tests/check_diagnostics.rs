@@ -3,7 +3,7 @@
 
 use compiler::check;
 use compiler::diagnostic::{Diagnostics, explain, render};
-use compiler::loader::{GridHeader, LoadError, Loader, Scalar};
+use compiler::loader::{GridHeader, LoadError, Loader, Scalar, SplatsHeader};
 use compiler::resolve;
 use compiler::source::Sources;
 
@@ -47,6 +47,11 @@ impl Loader for Fake {
             intercept: 0.0,
             world_from_index: [[mm, 0.0, 0.0, 0.0], [0.0, mm, 0.0, 0.0], [0.0, 0.0, mm, 0.0]],
         })
+    }
+
+    fn splats(&self, _: &str, _: &str) -> Result<SplatsHeader, LoadError> {
+        let bounds = ([0.0; 3], [1.0; 3]);
+        Ok(SplatsHeader { count: 1, degree: 0, bounds, core: bounds })
     }
 }
 

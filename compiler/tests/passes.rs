@@ -98,6 +98,7 @@ fn random_scene(bytes: &[u8]) -> FieldScene {
         lights: vec![],
         surfaces: vec![],
         meshes: vec![],
+        splats: vec![],
         environment: false,
         graph,
         units: Units::METRE,

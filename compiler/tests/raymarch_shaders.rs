@@ -25,6 +25,7 @@ fn builder(bands: u8) -> Builder {
         lights: vec![],
         surfaces: vec![],
         meshes: vec![],
+        splats: vec![],
         environment: false,
         graph,
         units: Units::METRE,

@@ -1,5 +1,7 @@
 //! What the suites share: finding scenes, opening them on an engine, and the expectations that stand in the scenes themselves.
 
+pub mod bonsai;
+
 use compiler::Options;
 use compiler::diagnostic::{Diagnostics, Severity};
 use compiler::trial::Change;

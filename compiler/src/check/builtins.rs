@@ -180,6 +180,19 @@ impl Checker<'_> {
                     None => failed,
                 }
             }
+            Builtin::Bounds => {
+                if values[0].ty != Ty::Grid && !matches!(values[0].kind, ExprKind::Splats(_)) {
+                    self.report(
+                        Diagnostic::error(
+                            "E0303",
+                            format!("`bounds` takes a grid or splats, not {}", values[0].ty.prose()),
+                        )
+                        .at(values[0].span, format!("this is {}", values[0].ty.prose())),
+                    );
+                    return failed;
+                }
+                builtin(signature, values, Ty::Shape, span)
+            }
             Builtin::Center | Builtin::MinCorner | Builtin::MaxCorner | Builtin::Size => {
                 if !matches!(values[0].ty, Ty::Grid | Ty::Shape) {
                     self.report(
@@ -222,7 +235,6 @@ impl Checker<'_> {
             | Builtin::Slab
             | Builtin::Cylinder
             | Builtin::Shell
-            | Builtin::Bounds
             | Builtin::Sdf
             | Builtin::Everywhere
             | Builtin::Union

@@ -81,7 +81,8 @@ fn needs(expression: &Expr, out: &mut Vec<Need>) {
         | ExprKind::Input(_)
         | ExprKind::Param(_)
         | ExprKind::Local(_)
-        | ExprKind::Grid(_) => {}
+        | ExprKind::Grid(_)
+        | ExprKind::Splats(_) => {}
         ExprKind::Const(id) => out.push(Need::Const(*id)),
         ExprKind::Vector(parts) | ExprKind::Builtin(_, parts) => parts.iter().for_each(|p| needs(p, out)),
         ExprKind::Call(id, parts) => {
@@ -219,6 +220,7 @@ impl Evaluator<'_> {
             | ExprKind::Input(_)
             | ExprKind::Param(_)
             | ExprKind::Grid(_)
+            | ExprKind::Splats(_)
             | ExprKind::Sample(..) => None,
             ExprKind::Const(id) => {
                 let (_, value) = self.checker.constants.get(id.0 as usize)?;

@@ -1,8 +1,10 @@
 //! What checking makes of the syntax trees of all modules: one scene, every name resolved, every expression typed,
 //! sugar expanded, values in SI. Lowering turns it into a field graph and meets no user error that could be known here.
 
-use crate::ir::{Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Scattering, Tonemap};
-use crate::loader::{GridHeader, MeshHeader};
+use crate::ir::{
+    Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Scattering, SplatBlend, SplatsId, Tonemap,
+};
+use crate::loader::{GridHeader, MeshHeader, SplatsHeader};
 use crate::source::Span;
 
 /// Exponents of length, time, light and pixel in twelfths, so that square and cube roots stay exact.
@@ -107,6 +109,8 @@ pub enum ExprKind {
     Local(LocalId),
     /// A grid itself, as an argument of `bounds`, `center`, `gradient` …
     Grid(GridId),
+    /// The box around splats: a Shape.
+    Splats(SplatsId),
     /// Two or three numbers of one dimension.
     Vector(Vec<Expr>),
     /// `-a`
@@ -331,6 +335,25 @@ pub struct Grid {
     pub outside: f64,
 }
 
+/// Declared splats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Splats {
+    /// Their name.
+    pub name: String,
+    /// Where they are declared.
+    pub span: Span,
+    /// The path as written.
+    pub path: String,
+    /// Name of the source that wrote it.
+    pub from: String,
+    /// What the file holds.
+    pub header: SplatsHeader,
+    /// A Transform.
+    pub transform: Option<Expr>,
+    /// How they are blended.
+    pub blend: SplatBlend,
+}
+
 /// A checked medium, sugar expanded (`k_t`/`albedo`, `transfer`, `mean_free_path`, fog).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
@@ -537,10 +560,10 @@ pub struct Render {
     pub max_work: u32,
 }
 
-/// Something that is checked but that no backend can draw yet: 3D Gaussian splats, text, styles.
+/// Something that is checked but that no backend can draw yet: text, styles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pending {
-    /// `splats`, `text`, `style`.
+    /// `text`, `style`.
     pub kind: crate::syntax::ast::BlockKind,
     /// Its name.
     pub name: String,
@@ -567,6 +590,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Opaque surfaces.
     pub surfaces: Vec<Surface>,
+    /// 3D Gaussian splats.
+    pub splats: Vec<Splats>,
     /// What no backend draws yet.
     pub pending: Vec<Pending>,
     /// The camera.

@@ -27,6 +27,7 @@ mod units;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::Param;
+use crate::ir::SplatsId;
 use crate::loader::Loader;
 use crate::resolve::{ItemRef, ModuleId, Modules};
 use crate::source::Span;
@@ -83,11 +84,13 @@ struct Checker<'a> {
     functions: Vec<Option<hir::Function>>,
     tables: Vec<hir::Table>,
     grids: Vec<hir::Grid>,
+    splats: Vec<hir::Splats>,
     // What was checked already; `None` for what failed and was reported.
     known_params: FxHashMap<ItemRef, Option<(crate::ir::ParamId, Ty)>>,
     known_constants: FxHashMap<ItemRef, Option<(ConstId, Ty)>>,
     known_tables: FxHashMap<ItemRef, Option<TableInfo>>,
     known_grids: FxHashMap<ItemRef, Option<GridId>>,
+    known_splats: FxHashMap<ItemRef, Option<SplatsId>>,
     signatures: FxHashMap<ItemRef, std::rc::Rc<function::Signature>>,
     instances: FxHashMap<function::InstanceKey, FunctionId>,
     /// Instances whose bodies are still to be checked.
@@ -109,10 +112,12 @@ impl<'a> Checker<'a> {
             functions: vec![],
             tables: vec![],
             grids: vec![],
+            splats: vec![],
             known_params: FxHashMap::default(),
             known_constants: FxHashMap::default(),
             known_tables: FxHashMap::default(),
             known_grids: FxHashMap::default(),
+            known_splats: FxHashMap::default(),
             signatures: FxHashMap::default(),
             instances: FxHashMap::default(),
             queue: vec![],
@@ -151,6 +156,10 @@ impl<'a> Checker<'a> {
                     ast::ItemKind::Block(b) if b.kind == ast::BlockKind::Grid => {
                         self.grid(reference);
                     }
+                    // Of other files, what is not named is not drawn.
+                    ast::ItemKind::Block(b) if b.kind == ast::BlockKind::Splats && module == ModuleId::SCENE => {
+                        self.splats(reference);
+                    }
                     ast::ItemKind::Block(_) => {}
                 }
             }
@@ -167,6 +176,7 @@ impl<'a> Checker<'a> {
             functions,
             tables: std::mem::take(&mut self.tables),
             grids: std::mem::take(&mut self.grids),
+            splats: std::mem::take(&mut self.splats),
             ..scene
         })
     }

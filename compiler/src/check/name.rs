@@ -148,6 +148,20 @@ impl Checker<'_> {
                 );
                 Value::error(span)
             }
+            ast::ItemKind::Block(block)
+                if block.kind == ast::BlockKind::Splats && item.module != crate::resolve::ModuleId::SCENE =>
+            {
+                self.report(
+                    Diagnostic::error("E0211", format!("the splats `{name}` belong to another file"))
+                        .at(span, "not drawn in this scene")
+                        .hint("declare them here"),
+                );
+                Value::error(span)
+            }
+            ast::ItemKind::Block(block) if block.kind == ast::BlockKind::Splats => match self.splats(item) {
+                Some(id) => Value::new(ExprKind::Splats(id), Ty::Shape, span),
+                None => Value::error(span),
+            },
             ast::ItemKind::Block(_) => match self.grid(item) {
                 Some(id) => Value::new(ExprKind::Grid(id), Ty::Grid, span),
                 None => Value::error(span),
@@ -232,7 +246,7 @@ impl Checker<'_> {
             self.report(
                 Diagnostic::error("E0211", format!("`{name}` is a {word}, not a value"))
                     .at(span, format!("expressions cannot use a {word}"))
-                    .note("functions, constants, params, tables, transfer functions and grids can be used"),
+                    .note("functions, constants, params, tables, transfer functions, grids and splats can be used"),
             );
             return;
         }

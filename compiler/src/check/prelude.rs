@@ -142,7 +142,7 @@ pub(super) const SIGNATURES: &[Signature] = &[
     plain("slab", Builtin::Slab, &[typed("axis", VECTOR, "vec3"), typed("from", LENGTH, "length"), typed("to", LENGTH, "length")], "shape"),
     plain("cylinder", Builtin::Cylinder, &[typed("from", POINT, "vec3<length>"), typed("to", POINT, "vec3<length>"), typed("radius", LENGTH, "length")], "shape"),
     plain("shell", Builtin::Shell, &[typed("center", POINT, "vec3<length>"), typed("inner", LENGTH, "length"), typed("outer", LENGTH, "length")], "shape"),
-    plain("bounds", Builtin::Bounds, &[typed("grid", Ty::Grid, "grid")], "shape"),
+    plain("bounds", Builtin::Bounds, &[any("of", "grid or splats")], "shape"),
     plain("sdf", Builtin::Sdf, &[typed("field", LENGTH, "length")], "shape"),
     plain("everywhere", Builtin::Everywhere, &[], "shape"),
     variadic("union", Builtin::Union, SHAPES, "shape"),

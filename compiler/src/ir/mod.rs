@@ -28,6 +28,7 @@ mod graph;
 mod light;
 mod print;
 mod scene;
+mod splats;
 mod schedule;
 mod tier;
 mod verify;
@@ -41,6 +42,7 @@ pub use scene::{
     Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
 };
 pub use schedule::{Step, free_variables, schedule, schedule_with};
+pub use splats::{Placement, SplatBlend, SplatsId, SplatsInfo};
 pub use tier::{Tier, Tiers};
 pub use verify::verify;
 

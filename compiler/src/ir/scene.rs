@@ -1,6 +1,6 @@
 //! A scene whose every field is a node of one graph: what lowering makes, passes rewrite, and engines draw.
 
-use super::{Bands, Graph, Light, MeshInfo, NodeId, Surface, Type};
+use super::{Bands, Graph, Light, MeshInfo, NodeId, SplatsInfo, Surface, Type};
 use crate::source::Span;
 
 /// What one unit of the graph is worth.
@@ -28,6 +28,14 @@ pub struct Affine {
     pub rows: [NodeId; 3],
     /// Width 3.
     pub offset: NodeId,
+}
+
+impl Affine {
+    /// Rewrites every node it names.
+    pub fn map_nodes(&mut self, map: &mut dyn FnMut(NodeId) -> NodeId) {
+        self.rows.iter_mut().for_each(|n| *n = map(*n));
+        self.offset = map(self.offset);
+    }
 }
 
 /// A region of space. All nodes are of tier Frame or lower, but for the field of an `sdf`.
@@ -291,6 +299,8 @@ pub struct FieldScene {
     pub surfaces: Vec<Surface>,
     /// Files of triangles, indexed by [`super::MeshId`].
     pub meshes: Vec<MeshInfo>,
+    /// 3D Gaussian splats, indexed by [`super::SplatsId`].
+    pub splats: Vec<SplatsInfo>,
     /// Radiance behind everything: `image.background`, or the environment as a function of the direction to the sky.
     pub background: NodeId,
     /// Whether the background is an environment, which shines on media and surfaces as well.
@@ -330,6 +340,7 @@ impl FieldScene {
             lights: self.lights.clone(),
             surfaces: self.surfaces.clone(),
             meshes: self.meshes.clone(),
+            splats: self.splats.clone(),
             background: self.background,
             environment: self.environment,
             shells: self.shells.clone(),
@@ -376,6 +387,7 @@ impl FieldScene {
             surface.shape.map_nodes(map);
             surface.albedo = map(surface.albedo);
         }
+        self.splats.iter_mut().for_each(|s| s.map_nodes(map));
         self.background = map(self.background);
         for (center, inner) in &mut self.shells {
             *center = map(*center);
@@ -429,8 +441,7 @@ impl Primitive {
     /// Rewrites every node it names.
     pub fn map_nodes(&mut self, map: &mut dyn FnMut(NodeId) -> NodeId) {
         if let Some(affine) = &mut self.from_world {
-            affine.rows.iter_mut().for_each(|n| *n = map(*n));
-            affine.offset = map(affine.offset);
+            affine.map_nodes(map);
         }
         let nodes: Vec<&mut NodeId> = match &mut self.kind {
             PrimitiveKind::Sphere { center, radius } => vec![center, radius],

@@ -66,6 +66,7 @@ impl<'s> Lowerer<'s, '_> {
                 None => return self.unbound(expr.span),
             },
             ExprKind::Grid(id) => return Ok(Value::Grid(*id)),
+            ExprKind::Splats(id) => return Ok(Value::Shape(self.splats_box(*id, expr.span)?)),
             ExprKind::Vector(parts) => {
                 let parts = parts.iter().map(|p| self.scalar(p)).collect::<Lowered<Vec<_>>>()?;
                 if !(2..=4).contains(&parts.len()) {

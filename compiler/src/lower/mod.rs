@@ -10,7 +10,7 @@
 //! - `space`: transforms, and the position and direction that a medium's fields see.
 //! - `shape`: regions, their bounding boxes as nodes (`center`, `size` …) and as numbers (framing, scale).
 //! - `scene`: media, background, camera, projections.
-//! - `light`: lights and surfaces.
+//! - `light`: lights and surfaces; `splats`.
 //! - `phase`: phase functions and their normalisation; `mie`: those of spheres.
 //! - `pending`: what is checked but not drawn yet.
 //!
@@ -27,8 +27,9 @@ mod scene;
 mod shape;
 mod space;
 mod spectrum;
+mod splats;
 
-pub use pending::pending;
+pub use pending::{pending, undrawn};
 
 use crate::check::hir;
 use crate::diagnostic::{Diagnostic, Diagnostics};

@@ -1,8 +1,8 @@
-//! What is checked but not drawn yet, said plainly and where it stands.
+//! What is not drawn yet, said plainly and where it stands.
 
 use crate::check::hir::Scene;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::Aa;
+use crate::ir::{Aa, FieldScene};
 use crate::syntax::ast::BlockKind;
 
 /// Warnings for the parts of a scene that the picture leaves out.
@@ -12,11 +12,11 @@ pub fn pending(scene: &Scene) -> Diagnostics {
     for item in &scene.pending {
         let (code, what) = match item.kind {
             BlockKind::Text => ("W0903", "text"),
-            BlockKind::Splats => ("W0904", "splats"),
             BlockKind::Grid
             | BlockKind::Medium
             | BlockKind::Light
             | BlockKind::Surface
+            | BlockKind::Splats
             | BlockKind::Fog
             | BlockKind::Style
             | BlockKind::Camera
@@ -41,6 +41,25 @@ pub fn pending(scene: &Scene) -> Diagnostics {
             .hint("use `none`, `analytic` or `ssaa(n)`");
         if let Some(span) = scene.image.span {
             diagnostic = diagnostic.at(span, "asked for here");
+        }
+        found.push(diagnostic);
+    }
+    found
+}
+
+/// Warnings for the parts of a scene that no backend draws yet but the reference engine does.
+#[must_use]
+pub fn undrawn(scene: &FieldScene) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    for splats in &scene.splats {
+        let name = &splats.name;
+        let mut diagnostic = Diagnostic::warning(
+            "W0904",
+            format!("the splats `{name}` are not in the kernels: no backend of the GPU draws them yet"),
+        )
+        .hint("`--engine cpu` and `--engine reference` draw them");
+        if let Some(span) = splats.span {
+            diagnostic = diagnostic.at(span, "what is compiled is as if they were not there");
         }
         found.push(diagnostic);
     }

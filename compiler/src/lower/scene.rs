@@ -45,7 +45,9 @@ impl<'s> Lowerer<'s, '_> {
             Err(error) => Err(error),
         };
         let shapes: Vec<Shape> = media.iter().map(|m| m.shape.clone()).collect();
-        let shapes = self.with_surfaces(shapes, &surfaces, &meshes);
+        let mut shapes = self.with_surfaces(shapes, &surfaces, &meshes);
+        let splats = self.splats();
+        shapes.extend(self.splats_shapes(&splats));
         let camera = self.camera(&shapes);
         let exposure = self.exposure();
         let composite = self.composite(&media);
@@ -69,6 +71,7 @@ impl<'s> Lowerer<'s, '_> {
             lights,
             surfaces,
             meshes,
+            splats,
             background,
             environment: matches!(environment, Ok(Some(_))),
             shells: self.shells,
@@ -113,6 +116,8 @@ impl<'s> Lowerer<'s, '_> {
         for surface in &scene.surfaces {
             shapes.extend(self.surface_extent(surface));
         }
+        let splats = self.splats();
+        shapes.extend(self.splats_shapes(&splats));
         if let Some((min, max)) = self.bounds(&shapes) {
             return Some((0..3).map(|i| 0.5 * (max[i] - min[i])).fold(0.0, f64::max));
         }
@@ -322,6 +327,13 @@ impl<'s> Lowerer<'s, '_> {
                 Composite::Isosurface(node)
             }
         };
+        if let Some(splats) = scene.splats.first() {
+            let diagnostic = Diagnostic::error("E0526", "splats have no data to project")
+                .at(splats.span, "these splats")
+                .note("`render.composite` projects the data of grids")
+                .hint("remove the splats, or use `composite = radiance`");
+            return self.report(diagnostic);
+        }
         if media.iter().all(|m| m.data.is_none()) && !self.failed {
             let mut diagnostic = Diagnostic::error("E0510", "there is no data to project")
                 .note("`render.composite` projects the argument of a medium's `transfer`")

@@ -26,6 +26,10 @@ impl<'s> Lowerer<'s, '_> {
                     }
                 });
             }
+            // Splats stand for the box around them already.
+            Builtin::Bounds if matches!(arguments[0].kind, hir::ExprKind::Splats(_)) => {
+                return self.as_shape(&arguments[0]);
+            }
             Builtin::Bounds => {
                 let grid = self.as_grid(&arguments[0])?;
                 let affine = self.index_from_space(grid, span)?;

@@ -3,7 +3,7 @@
 use super::{ItemRef, Module, ModuleId, item_word, value_name, words};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::source::Span;
-use crate::syntax::ast::{self, BlockKind, ExprKind, ItemKind, Name};
+use crate::syntax::ast::{self, ExprKind, ItemKind, Name};
 use rustc_hash::FxHashMap;
 
 /// Fills [`Module::names`] with the module's own items.
@@ -14,7 +14,7 @@ pub(super) fn declare(id: ModuleId, module: &mut Module, diagnostics: &mut Diagn
     for (index, item) in module.tree.items.iter().enumerate() {
         let reference = ItemRef { module: id, index: index as u32 };
         match &item.kind {
-            ItemKind::Block(block) if block.kind != BlockKind::Grid => {
+            ItemKind::Block(block) if value_name(item).is_none() => {
                 let Some(name) = &block.name else { continue };
                 refuse_unit(name, block.kind.word(), diagnostics);
                 if duplicate(&mut firsts, block.kind.word(), name, item, diagnostics) {
@@ -71,8 +71,9 @@ fn refuse_unit(name: &Name, what: &str, diagnostics: &mut Diagnostics) -> bool {
     if !ast::is_unit(&name.text) {
         return false;
     }
+    let what = if what == "splats" { what.to_owned() } else { format!("a {what}") };
     diagnostics.push(
-        Diagnostic::error("E0204", format!("`{}` is a unit and cannot name a {what}", name.text))
+        Diagnostic::error("E0204", format!("`{}` is a unit and cannot name {what}", name.text))
             .at(name.span, "the name of a unit")
             .hint(format!("take another name, such as `{}`", instead_of_unit(&name.text))),
     );

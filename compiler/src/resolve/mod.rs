@@ -52,7 +52,8 @@ pub struct Module {
     pub text: String,
     /// Its tree.
     pub tree: ast::Module,
-    /// What names in its expressions refer to: its own functions, constants, params, tables and grids, and what it `use`s.
+    /// What names in its expressions refer to: its own functions, constants, params, tables, grids and
+    /// splats, and what it `use`s.
     pub names: FxHashMap<String, ItemRef>,
     /// Its other named items: media, lights, surfaces, styles …
     pub blocks: FxHashMap<String, ItemRef>,
@@ -149,7 +150,7 @@ pub(crate) fn value_name(item: &ast::Item) -> Option<&ast::Name> {
         | ast::ItemKind::Table { name, .. }
         | ast::ItemKind::Transfer { name, .. } => Some(name),
         ast::ItemKind::Function(f) => Some(&f.name),
-        ast::ItemKind::Block(b) if b.kind == ast::BlockKind::Grid => b.name.as_ref(),
+        ast::ItemKind::Block(b) if matches!(b.kind, ast::BlockKind::Grid | ast::BlockKind::Splats) => b.name.as_ref(),
         ast::ItemKind::Block(_) | ast::ItemKind::Use(_) => None,
     }
 }

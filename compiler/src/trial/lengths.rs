@@ -29,6 +29,7 @@ pub(crate) fn stretch(scene: &mut Scene, factor: f64) {
     scene.media.iter_mut().for_each(|m| s.medium(m));
     scene.lights.iter_mut().for_each(|l| s.light(l));
     scene.surfaces.iter_mut().for_each(|surface| s.surface(surface));
+    scene.splats.iter_mut().for_each(|splats| s.maybe([&mut splats.transform]));
     s.camera(&mut scene.camera);
     s.maybe([&mut scene.image.exposure, &mut scene.image.background]);
     match &mut scene.render.composite {
@@ -112,7 +113,8 @@ impl Stretch {
             | ExprKind::Param(_)
             | ExprKind::Const(_)
             | ExprKind::Local(_)
-            | ExprKind::Grid(_) => {}
+            | ExprKind::Grid(_)
+            | ExprKind::Splats(_) => {}
             ExprKind::Vector(list) | ExprKind::Call(_, list) => list.iter_mut().for_each(|e| self.expr(e)),
             ExprKind::Builtin(builtin, list) => {
                 list.iter_mut().for_each(|e| self.expr(e));

@@ -65,6 +65,8 @@ fn furnace(scene: &mut FieldScene) {
     let white = graph.scalar(1.0);
     scene.surfaces.iter_mut().for_each(|surface| surface.albedo = white);
     scene.lights.clear();
+    // They shine by themselves.
+    scene.splats.clear();
     scene.background = white;
     scene.environment = true;
 }

@@ -198,6 +198,7 @@ pub(crate) fn scene() -> Scene {
         media: vec![],
         lights: vec![],
         surfaces: vec![],
+        splats: vec![],
         pending: vec![],
         camera: Camera {
             span: None,

@@ -216,13 +216,13 @@ fn projections_of_data() {
 fn what_is_not_there_yet_is_said() {
     let found = |scene: &Scene| pending(scene).iter().map(|d| d.code).collect::<Vec<_>>();
     let mut scene = scene();
-    for (kind, name) in [(BlockKind::Text, "title"), (BlockKind::Style, "caption"), (BlockKind::Splats, "room")] {
+    for (kind, name) in [(BlockKind::Text, "title"), (BlockKind::Style, "caption")] {
         scene.pending.push(Pending { kind, name: name.into(), span: span(2) });
     }
     scene.image.aa = Aa::Smaa;
-    assert_eq!(found(&scene), ["W0903", "W0904", "W0907"]);
+    assert_eq!(found(&scene), ["W0903", "W0907"]);
     scene.image.aa = Aa::Ssaa(4);
-    assert_eq!(found(&scene), ["W0903", "W0904"]);
+    assert_eq!(found(&scene), ["W0903"]);
     let sources = {
         let mut sources = compiler::source::Sources::default();
         sources.add("scene.vol", "abcdef\n");

@@ -1,9 +1,10 @@
 //! The files of the machine, for the compiler and for the engines.
 
 use crate::data::mesh::{self, Mesh};
+use crate::data::splats::{self, Splats};
 use crate::data::{self, LoadWarning, Volume};
-use compiler::ir::{GridInfo, MeshInfo};
-use compiler::loader::{GridHeader, LoadError, Loader, MeshHeader};
+use compiler::ir::{GridInfo, MeshInfo, SplatsInfo};
+use compiler::loader::{GridHeader, LoadError, Loader, MeshHeader, SplatsHeader};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -14,7 +15,7 @@ pub const STDIN: &str = "-";
 /// Texts longer than this are no scenes.
 const MAX_TEXT: u64 = 64 << 20;
 
-/// Everything that a scene reads: texts and headers for the compiler, voxels and triangles for the engines.
+/// Everything that a scene reads: texts and headers for the compiler, voxels, triangles and splats for the engines.
 pub trait SceneFiles: Loader {
     /// Reads the grids of a program. Element `i` is grid `i`.
     ///
@@ -27,9 +28,15 @@ pub trait SceneFiles: Loader {
     /// # Errors
     /// What is wrong, and with which mesh.
     fn meshes(&self, meshes: &[MeshInfo]) -> Result<Vec<LoadedMesh>, (LoadError, usize)>;
+
+    /// Reads the splats of a program. Element `i` is item `i` of splats.
+    ///
+    /// # Errors
+    /// What is wrong, and with which item.
+    fn read_splats(&self, splats: &[SplatsInfo]) -> Result<Vec<LoadedSplats>, (LoadError, usize)>;
 }
 
-/// Reads modules, grids and meshes from the file system. Paths in a scene are relative to the file that names them; names of
+/// Reads modules, grids, meshes and splats from the file system. Paths in a scene are relative to the file that names them; names of
 /// sources are relative to `root`, and the scene from standard input lies in `root` itself.
 #[derive(Clone, Debug)]
 pub struct FileLoader {
@@ -122,6 +129,17 @@ pub struct LoadedMesh {
     pub warnings: Vec<LoadWarning>,
 }
 
+/// One file of splats in memory.
+#[derive(Clone, Debug)]
+pub struct LoadedSplats {
+    /// Name of the file.
+    pub name: String,
+    /// Its splats, in metres.
+    pub splats: Arc<Splats>,
+    /// What is worth telling; once for each file.
+    pub warnings: Vec<LoadWarning>,
+}
+
 impl Loader for FileLoader {
     fn module(&self, from: &str, path: &str) -> Result<(String, String), LoadError> {
         let name = Self::resolve(from, path);
@@ -134,6 +152,10 @@ impl Loader for FileLoader {
 
     fn mesh(&self, from: &str, path: &str) -> Result<MeshHeader, LoadError> {
         mesh::read_mesh_header(&self.root.join(Self::resolve(from, path)))
+    }
+
+    fn splats(&self, from: &str, path: &str) -> Result<SplatsHeader, LoadError> {
+        splats::read_splats(&self.root.join(Self::resolve(from, path))).map(|(splats, _)| splats.header())
     }
 }
 
@@ -170,6 +192,23 @@ impl SceneFiles for FileLoader {
                 return Err((changed(&name), i));
             }
             loaded.push(LoadedMesh { name, mesh: Arc::new(mesh), warnings });
+        }
+        Ok(loaded)
+    }
+
+    fn read_splats(&self, splats: &[SplatsInfo]) -> Result<Vec<LoadedSplats>, (LoadError, usize)> {
+        let mut loaded: Vec<LoadedSplats> = vec![];
+        for (i, info) in splats.iter().enumerate() {
+            let name = Self::resolve(&info.from, &info.path);
+            if let Some(same) = loaded.iter().find(|l| l.name == name) {
+                loaded.push(LoadedSplats { warnings: vec![], ..same.clone() });
+                continue;
+            }
+            let (splats, warnings) = splats::read_splats(&self.root.join(&name)).map_err(|e| (e, i))?;
+            if splats.header() != info.header {
+                return Err((changed(&name), i));
+            }
+            loaded.push(LoadedSplats { name, splats: Arc::new(splats), warnings });
         }
         Ok(loaded)
     }

@@ -30,7 +30,7 @@ pub use extremes::Grids;
 pub use eye::{Eye, Frame, pack_ray, white};
 pub use faults::FaultTally;
 pub use lattice::Lattice;
-pub use loader::{FileLoader, Loaded, LoadedMesh, STDIN, SceneFiles};
+pub use loader::{FileLoader, Loaded, LoadedMesh, LoadedSplats, STDIN, SceneFiles};
 pub use measure::Measured;
 pub(crate) use measure::{COVERAGE, difference};
 pub use params::Params;

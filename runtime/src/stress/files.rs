@@ -2,9 +2,9 @@
 
 use crate::data::mesh::Mesh;
 use crate::data::{Volume, Voxels};
-use crate::frame::{Loaded, LoadedMesh, SceneFiles};
-use compiler::ir::{GridInfo, MeshInfo};
-use compiler::loader::{GridHeader, LoadError, Loader, MeshHeader, Scalar};
+use crate::frame::{Loaded, LoadedMesh, LoadedSplats, SceneFiles};
+use compiler::ir::{GridInfo, MeshInfo, SplatsInfo};
+use compiler::loader::{GridHeader, LoadError, Loader, MeshHeader, Scalar, SplatsHeader};
 use std::sync::Arc;
 
 /// What is wrong with some voxels.
@@ -41,7 +41,7 @@ impl Poison {
 /// One voxel in so many is bad; coprime to the sides of most grids, so that bad ones do not fall into planes.
 const EVERY: usize = 97;
 
-/// Grids and meshes stretched, and grids with bad voxels, which only floating point can hold: they become f32.
+/// Grids, meshes and splats stretched, and grids with bad voxels, which only floating point can hold: they become f32.
 pub(super) struct Altered<'a> {
     pub(super) inner: &'a dyn SceneFiles,
     pub(super) stretch: f64,
@@ -87,6 +87,14 @@ impl Loader for Altered<'_> {
         let stretched = |corner: [f64; 3]| corner.map(|x| f64::from((x * self.stretch) as f32));
         Ok(MeshHeader { triangles, bounds: (stretched(low), stretched(high)) })
     }
+
+    fn splats(&self, from: &str, path: &str) -> Result<SplatsHeader, LoadError> {
+        let header = self.inner.splats(from, path)?;
+        // As the centres will be; their order stays.
+        let stretched = |corner: [f64; 3]| corner.map(|x| f64::from((x * self.stretch) as f32));
+        let both = |(low, high)| (stretched(low), stretched(high));
+        Ok(SplatsHeader { bounds: both(header.bounds), core: both(header.core), ..header })
+    }
 }
 
 impl SceneFiles for Altered<'_> {
@@ -116,6 +124,22 @@ impl SceneFiles for Altered<'_> {
             let triangles = l.mesh.triangles().iter().map(|t| t.map(|c| c.map(corner))).collect();
             let (mesh, warnings) = Mesh::new(triangles).map_err(|e| (e, i))?;
             Ok(LoadedMesh { name: l.name, mesh: Arc::new(mesh), warnings })
+        };
+        loaded.into_iter().enumerate().map(stretched).collect()
+    }
+
+    fn read_splats(&self, splats: &[SplatsInfo]) -> Result<Vec<LoadedSplats>, (LoadError, usize)> {
+        let own: Result<Vec<SplatsInfo>, _> = splats
+            .iter()
+            .enumerate()
+            .map(|(i, s)| {
+                Ok(SplatsInfo { header: self.inner.splats(&s.from, &s.path).map_err(|e| (e, i))?, ..s.clone() })
+            })
+            .collect();
+        let loaded = self.inner.read_splats(&own?)?;
+        let stretched = |(i, l): (usize, LoadedSplats)| {
+            let (splats, warnings) = l.splats.stretched(self.stretch).map_err(|e| (e, i))?;
+            Ok(LoadedSplats { name: l.name, splats: Arc::new(splats), warnings })
         };
         loaded.into_iter().enumerate().map(stretched).collect()
     }

@@ -6,6 +6,7 @@ mod light;
 mod medium;
 mod render;
 mod shape;
+mod splats;
 mod surface;
 mod text;
 
@@ -289,7 +290,7 @@ impl Checker<'_> {
             surfaces.extend(self.surface(item, block));
         }
         let mut pending = vec![];
-        for kind in [BlockKind::Splats, BlockKind::Style, BlockKind::Text] {
+        for kind in [BlockKind::Style, BlockKind::Text] {
             for (_, block) in of(kind) {
                 pending.extend(self.pending(block));
             }
@@ -320,6 +321,7 @@ impl Checker<'_> {
             media,
             lights,
             surfaces,
+            splats: vec![],
             pending,
             camera,
             image,
@@ -373,6 +375,7 @@ pub(super) fn static_name(name: &str) -> &'static str {
         "mean_free_path",
         "phase",
         "transform",
+        "blend",
         "transfer",
         "direction",
         "irradiance",

@@ -31,6 +31,7 @@ impl Checker<'_> {
             | ExprKind::Param(_)
             | ExprKind::Local(_)
             | ExprKind::Grid(_)
+            | ExprKind::Splats(_)
             | ExprKind::Vector(_)
             | ExprKind::Negate(_)
             | ExprKind::Not(_)

@@ -1,4 +1,4 @@
-//! `text`, `style` and `splats`: checked in full, drawn by nothing yet.
+//! `text` and `style`: checked in full, drawn by nothing yet.
 
 use crate::check::Checker;
 use crate::check::hir::{Dim, Pending};
@@ -11,12 +11,12 @@ use crate::syntax::ast::{self, Block, BlockKind, ExprKind, Property};
 impl Checker<'_> {
     pub(super) fn pending(&mut self, block: &Block) -> Option<Pending> {
         let good = match block.kind {
-            BlockKind::Splats => self.splats(block),
             BlockKind::Style => self.style(block),
             BlockKind::Text => self.text_block(block),
             BlockKind::Grid
             | BlockKind::Medium
             | BlockKind::Light
+            | BlockKind::Splats
             | BlockKind::Surface
             | BlockKind::Fog
             | BlockKind::Camera
@@ -25,23 +25,6 @@ impl Checker<'_> {
         };
         let name = block.name.as_ref()?;
         good.then(|| Pending { kind: block.kind, name: name.text.clone(), span: name.span })
-    }
-
-    fn splats(&mut self, block: &Block) -> bool {
-        let mut properties = self.properties(block, &["file"]);
-        let Some(file) = properties.take("file") else {
-            self.missing_property(block, "file", "file = \"room.ply\"");
-            return false;
-        };
-        let Some(path) = self.text(ModuleId::SCENE, file, "splats") else { return false };
-        let known = [".ply", ".spz"].iter().any(|end| path.to_lowercase().ends_with(end));
-        if !known {
-            self.report(
-                Diagnostic::error("E0406", "splats are read from `.ply` and `.spz` files")
-                    .at(file.value.span, "another kind of file"),
-            );
-        }
-        known
     }
 
     fn style(&mut self, block: &Block) -> bool {

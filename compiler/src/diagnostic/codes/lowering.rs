@@ -173,6 +173,14 @@ phase function up to 1e4: for smaller ones `rayleigh` is exact, and larger ones 
 `spread`, all sizes that matter count, and large ones scatter most.",
     },
     CodeInfo {
+        code: "E0526",
+        title: "splats have no data to project",
+        explanation: "\
+The projections (`composite = maximum`, `minimum`, `average`, `isosurface`) show data of grids, of which splats have none. Remove
+the splats, or draw the scene with `composite = radiance`.
+",
+    },
+    CodeInfo {
         code: "N0526",
         title: "`mie` is less exact than usual",
         explanation: "The phase function of one size of particles has as many ripples as 2πr/λ is large, and its table up to \

@@ -13,8 +13,8 @@ Upper and lower case differ. Names of media, lights, styles and the like are not
     CodeInfo {
         code: "E0203",
         title: "two things of one name",
-        explanation: "Functions, constants, params, tables, transfer functions, grids and imported names share one set of names; media, \
-lights, surfaces, styles, texts and splats have a set each.\n\n\
+        explanation: "Functions, constants, params, tables, transfer functions, grids, splats and imported names share one set of names; \
+media, lights, surfaces, styles and texts have a set each.\n\n\
 ```\nconst a = 1\nfn a(x: number) -> number = x      // wrong\nfn twice(x: number) -> number = x  // right\n```",
     },
     CodeInfo {

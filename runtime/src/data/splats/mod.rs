@@ -17,10 +17,13 @@
 //!
 //! The same trust as for volumes: no header is believed about sizes, and no input makes the readers panic.
 
+mod harmonics;
 mod ply;
 mod spz;
 #[cfg(test)]
 mod tests;
+
+pub use harmonics::{color, harmonics};
 
 use super::body::GZIP_MAGIC;
 use super::input::{Disk, Files};
@@ -43,6 +46,7 @@ pub const MAX_DEGREE: u8 = 3;
 pub struct Splats {
     degree: u8,
     antialiased: bool,
+    unit: f64,
     centers: Vec<[f32; 3]>,
     rotations: Vec<[f32; 4]>,
     deviations: Vec<[f32; 3]>,
@@ -51,6 +55,23 @@ pub struct Splats {
 }
 
 impl Splats {
+    /// Leaves out what cannot be drawn, and counts it.
+    ///
+    /// # Errors
+    /// `E0663` when nothing remains, `E0664` when there are more than [`MAX_SPLATS`].
+    ///
+    /// # Panics
+    /// If a splat has fewer harmonics than the degree needs.
+    pub fn new<'a>(
+        degree: u8,
+        antialiased: bool,
+        gaussians: impl IntoIterator<Item = Gaussian<'a>>,
+    ) -> Result<(Self, Vec<LoadWarning>), LoadError> {
+        let mut builder = Builder::new(degree, antialiased);
+        gaussians.into_iter().try_for_each(|g| builder.push(&g))?;
+        builder.finish()
+    }
+
     /// How many there are.
     #[expect(clippy::len_without_is_empty, reason = "there is at least one")]
     #[must_use]
@@ -68,6 +89,32 @@ impl Splats {
     #[must_use]
     pub fn antialiased(&self) -> bool {
         self.antialiased
+    }
+
+    /// What their file calls 1, in metres.
+    #[must_use]
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+
+    /// The same as if every length of the file were so many times as large.
+    ///
+    /// # Errors
+    /// `E0663` when nothing remains that 32-bit numbers hold.
+    pub fn stretched(&self, factor: f64) -> Result<(Self, Vec<LoadWarning>), LoadError> {
+        let mut builder = Builder::new(self.degree, self.antialiased);
+        for i in 0..self.len() {
+            let harmonics: Vec<f64> = self.harmonics(i).iter().copied().map(f64::from).collect();
+            builder.push(&Gaussian {
+                center: self.centers[i].map(|x| f64::from(x) * factor),
+                rotation: self.rotations[i].map(f64::from),
+                deviations: self.deviations[i].map(|x| f64::from(x) * factor),
+                opacity: f64::from(self.opacities[i]),
+                harmonics: &harmonics,
+            })?;
+        }
+        let (splats, warnings) = builder.finish()?;
+        Ok((Self { unit: self.unit * factor, ..splats }, warnings))
     }
 
     /// Centres, in metres.
@@ -201,16 +248,19 @@ fn too_many() -> LoadError {
     }
 }
 
-/// One splat as its file gives it.
+/// One splat.
 #[derive(Copy, Clone, Debug)]
-struct Raw<'a> {
-    center: [f64; 3],
-    /// w, x, y, z, of any length.
-    rotation: [f64; 4],
-    deviations: [f64; 3],
-    opacity: f64,
-    /// As [`Splats::harmonics`]; more than those of the builder's degree are ignored.
-    harmonics: &'a [f64],
+pub struct Gaussian<'a> {
+    /// Metres.
+    pub center: [f64; 3],
+    /// A quaternion w, x, y, z of any length but zero.
+    pub rotation: [f64; 4],
+    /// Standard deviations along the rotated axes, in metres.
+    pub deviations: [f64; 3],
+    /// 0 to 1.
+    pub opacity: f64,
+    /// As [`Splats::harmonics`]; more than those of the degree are ignored.
+    pub harmonics: &'a [f64],
 }
 
 /// Splats so far, and what was left out.
@@ -230,6 +280,7 @@ impl Builder {
         let splats = Splats {
             degree: degree.min(MAX_DEGREE),
             antialiased,
+            unit: 1.0,
             centers: vec![],
             rotations: vec![],
             deviations: vec![],
@@ -248,7 +299,7 @@ impl Builder {
         Self { splats, seen: 0, wild: 0, turned: 0, first: None, warnings }
     }
 
-    fn push(&mut self, raw: &Raw<'_>) -> Result<(), LoadError> {
+    fn push(&mut self, raw: &Gaussian<'_>) -> Result<(), LoadError> {
         if self.seen >= MAX_SPLATS {
             return Err(too_many());
         }

@@ -2,7 +2,7 @@
 //! red, then all of green, then all of blue), `opacity` (a logit), `scale_0..2` (natural logarithms) and `rot_0..3`
 //! (w, x, y, z, of any length). Normals and everything else are skipped by their types.
 
-use super::{Builder, CODES, Raw, broken, coefficients, no_splats, too_many};
+use super::{Builder, CODES, Gaussian, broken, coefficients, no_splats, too_many};
 use crate::data::ply::{Element, Header};
 use compiler::loader::LoadError;
 use std::io::BufRead;
@@ -87,7 +87,7 @@ fn push(builder: &mut Builder, numbers: &[f64], harmonics: &mut [f64]) -> Result
             harmonics[3 * (k + 1) + channel] = numbers[REST + channel * above + k];
         }
     }
-    builder.push(&Raw {
+    builder.push(&Gaussian {
         center: three(0),
         opacity: 1.0 / (1.0 + (-numbers[6]).exp()),
         deviations: three(7).map(f64::exp),

@@ -2,7 +2,7 @@
 //! fixed-point numbers of 24 bits), opacities, colours, logarithms of deviations, rotations and spherical harmonics, one byte
 //! a number but for rotations. Little-endian throughout.
 
-use super::{Builder, CODES, MAX_SPLATS, Raw, broken, coefficients, too_many};
+use super::{Builder, CODES, Gaussian, MAX_SPLATS, broken, coefficients, too_many};
 use crate::data::LoadWarning;
 use crate::data::body::{Gzip, MAX_DEFLATE};
 use crate::data::input::unreadable;
@@ -102,7 +102,7 @@ pub(super) fn read(reader: impl BufRead, length: u64) -> Result<Builder, LoadErr
             *slot = (f64::from(*byte) - 128.0) / 128.0;
         }
         let q = &rotations[turn as usize * i..];
-        builder.push(&Raw {
+        builder.push(&Gaussian {
             center: std::array::from_fn(|axis| {
                 let b = &centers[9 * i + 3 * axis..];
                 // The sign bit is the highest of three bytes.

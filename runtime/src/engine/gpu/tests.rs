@@ -42,6 +42,7 @@ fn scene(graph: Graph) -> FieldScene {
         lights: vec![],
         surfaces: vec![],
         meshes: vec![],
+        splats: vec![],
         environment: false,
         background: one,
         shells: vec![],

@@ -1,9 +1,10 @@
 //! How solved panels add up along a ray, and what their errors do to the whole.
 
 use super::panel::Slice;
+use super::splats::veil::Veil;
 use super::trace::{BANDS, PerBand};
 
-/// A solved stretch.
+/// A solved stretch, or a place where splats are.
 #[derive(Clone, Debug)]
 pub(super) struct Panel {
     pub(super) a: f64,
@@ -22,9 +23,28 @@ pub(super) struct Panel {
     /// Error of the radiance by what its nodes were told wrong, which no division mends.
     pub(super) inner: PerBand,
     pub(super) slices: [Slice; BANDS],
+    /// Splats that are blended as encoded numbers: what is behind them does not add to their light.
+    pub(super) veil: Option<Veil>,
 }
 
 impl Panel {
+    /// A stretch from a place on, of a length.
+    pub(super) fn new((a, h): (f64, f64), segment: usize, slices: [Slice; BANDS]) -> Self {
+        Self {
+            a,
+            h,
+            segment,
+            forced: 0,
+            stalled: 0,
+            parent: f64::INFINITY,
+            plain: false,
+            seam: [[0.0; 2]; BANDS],
+            inner: [0.0; BANDS],
+            slices,
+            veil: None,
+        }
+    }
+
     pub(super) fn tau_error(&self, band: usize) -> f64 {
         self.slices[band].tau_error + self.seam[band][0]
     }
@@ -35,6 +55,14 @@ impl Panel {
 
     pub(super) fn is_exact(&self, band: usize) -> bool {
         self.slices[band].exact && self.seam[band] == [0.0; 2]
+    }
+
+    /// The radiance before it, given that behind it.
+    fn over(&self, behind: f64, band: usize) -> f64 {
+        match &self.veil {
+            None => self.slices[band].radiance + (-self.slices[band].tau).exp() * behind,
+            Some(veil) => veil.over(behind, band),
+        }
     }
 
     /// Dividing it has not helped for long, and what is left looks like rounding.
@@ -79,7 +107,24 @@ pub(super) fn behind_each(panels: &[Panel], behind: &PerBand, bands: usize) -> V
     for (out, p) in all.iter_mut().zip(panels).rev() {
         *out = beyond;
         for b in 0..bands {
-            beyond[b] = p.slices[b].radiance + (-p.slices[b].tau).exp() * beyond[b];
+            beyond[b] = p.over(beyond[b], b);
+        }
+    }
+    all
+}
+
+/// How much of a change of the radiance before each panel reaches the eye, given what arrives at their far ends, and at last
+/// what reaches it from behind all.
+pub(super) fn reaches(panels: &[Panel], arriving: &[PerBand], bands: usize) -> Vec<PerBand> {
+    let mut all = vec![[1.0; BANDS]; panels.len() + 1];
+    for b in 0..bands {
+        let (mut tau, mut gain) = (Sum::default(), 1.0);
+        for (i, p) in panels.iter().enumerate() {
+            match &p.veil {
+                None => tau.add(p.slices[b].tau),
+                Some(veil) => gain *= veil.slope(arriving[i][b], b),
+            }
+            all[i + 1][b] = if gain > 0.0 { gain * (-tau.get()).exp() } else { 0.0 };
         }
     }
     all
@@ -89,14 +134,12 @@ pub(super) fn behind_each(panels: &[Panel], behind: &PerBand, bands: usize) -> V
 /// everything behind it.
 pub(super) fn weigh(panels: &[Panel], behind: &PerBand, bands: usize) -> Vec<PerBand> {
     let mut wrong = behind_each(panels, behind, bands);
-    for b in 0..bands {
-        let mut tau = Sum::default();
-        for (w, p) in wrong.iter_mut().zip(panels) {
+    let reach = reaches(panels, &wrong, bands);
+    for ((w, p), reach) in wrong.iter_mut().zip(panels).zip(reach) {
+        for b in 0..bands {
             let s = &p.slices[b];
-            let reach = (-tau.get()).exp();
-            w[b] =
-                if reach > 0.0 { reach * (p.radiance_error(b) + (-s.tau).exp() * w[b] * p.tau_error(b)) } else { 0.0 };
-            tau.add(s.tau);
+            let through = if p.veil.is_some() { 0.0 } else { (-s.tau).exp() * w[b] * p.tau_error(b) };
+            w[b] = if reach[b] > 0.0 { reach[b] * (p.radiance_error(b) + through) } else { 0.0 };
         }
     }
     wrong
@@ -135,6 +178,17 @@ pub(super) fn seams(panels: &mut [Panel], bands: usize) {
 /// Totals of solved panels in order.
 pub(super) fn compose(panels: &[Panel], behind: &PerBand, bands: usize) -> Totals {
     let mut totals = Totals::default();
+    if panels.iter().any(|p| p.veil.is_some()) {
+        // What veils let through depends on how much it is, so this goes from back to front.
+        let arriving = behind_each(panels, behind, bands);
+        for b in 0..bands {
+            let mut tau = Sum::default();
+            panels.iter().for_each(|p| tau.add(p.slices[b].tau));
+            totals.tau[b] = tau.get();
+            totals.radiance[b] = panels[0].over(arriving[0][b], b);
+        }
+        return totals;
+    }
     for b in 0..bands {
         let (mut tau, mut radiance) = (Sum::default(), Sum::default());
         for p in panels {

@@ -7,6 +7,7 @@ use super::light::{self, LightField};
 use super::paths::bound::Majorants;
 use super::paths::phase::PhaseTable;
 use super::shape::{self, AltitudeRay, Solid};
+use super::splats::{self, Placed};
 use super::surface::{self, SurfaceField};
 use super::trace::BANDS;
 use crate::frame::vector::{Vec3, along};
@@ -169,6 +170,8 @@ pub(super) struct Fields {
     /// Polar axis for integrals over the sphere, if directions differ most by their angle to it.
     pub(super) axis: Option<Vec3>,
     pub(super) surfaces: Vec<SurfaceField>,
+    /// Where splats are.
+    pub(super) splats: Vec<Placed>,
     /// Tapes of the fields of `sdf` shapes.
     pub(super) sdf: HashMap<NodeId, Tape>,
     /// Exact gradients of those that bound surfaces, where there are any.
@@ -215,6 +218,7 @@ impl Fields {
         };
         let lights = light::evaluate(scene, bands, &frame)?;
         let surfaces = surface::evaluate(scene, &frame, &mut solid_of)?;
+        let splats = splats::evaluate(scene, &frame)?;
         let mut solids = vec![];
         for medium in &scene.media {
             solids.push(solid_of(&medium.shape).map_err(|part| {
@@ -269,6 +273,7 @@ impl Fields {
             scatters: lit && scatter && !paths,
             axis: None,
             surfaces,
+            splats,
             sdf,
             slopes,
             shells,

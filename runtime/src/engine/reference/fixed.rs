@@ -1,10 +1,10 @@
 //! The default rule of the language in f64: a fixed number of midpoint steps with the exact exponential inside a step.
 //! Second order on smooth fields; here to measure the backends' convergence against, and independent of them.
 
-use super::compose::Sum;
+use super::compose::{Panel, Sum, compose};
 use super::field::{Ray, with_span};
 use super::gauss::N;
-use super::panel::constant;
+use super::panel::{Slice, constant};
 use super::scatter::Behind;
 use super::trace::{BANDS, Segment, Worker};
 use super::{ErrorKind, RayResult};
@@ -17,11 +17,12 @@ pub(super) fn march<V: Voxels + ?Sized>(
     worker: &mut Worker<'_, V>,
     ray: &Ray,
     segments: &[Segment],
+    veils: &[Panel],
     behind: &Behind,
     steps: u32,
 ) -> Result<RayResult, Diagnostic> {
-    let mut result = run(worker, ray, segments, behind, steps)?;
-    let other = run(worker, ray, segments, behind, if steps > 1 { steps / 2 } else { 2 })?;
+    let mut result = run(worker, ray, segments, veils, behind, steps)?;
+    let other = run(worker, ray, segments, veils, behind, if steps > 1 { steps / 2 } else { 2 })?;
     let apart = |a: &[f64], b: &[f64]| -> Vec<f64> {
         let one = |(a, b): (&f64, &f64)| if a == b { 4.0 * f64::EPSILON * a.abs() } else { (a - b).abs() };
         a.iter().zip(b).map(one).map(|e| if e.is_finite() { e } else { 0.0 }).collect()
@@ -36,13 +37,19 @@ fn run<V: Voxels + ?Sized>(
     worker: &mut Worker<'_, V>,
     ray: &Ray,
     segments: &[Segment],
+    veils: &[Panel],
     behind: &Behind,
     steps: u32,
 ) -> Result<RayResult, Diagnostic> {
     let bands = worker.bands;
     let total: f64 = segments.iter().map(|s| s.end - s.start).sum();
-    let (mut tau, mut radiance) = ([Sum::default(); BANDS], [Sum::default(); BANDS]);
-    for segment in segments {
+    let mut panels: Vec<Panel> = vec![];
+    let mut veils = veils.iter().cloned().peekable();
+    for (i, segment) in segments.iter().enumerate() {
+        while let Some(veil) = veils.next_if(|v| v.a <= segment.start) {
+            panels.push(veil);
+        }
+        let (mut tau, mut radiance) = ([Sum::default(); BANDS], [Sum::default(); BANDS]);
         if !segment.end.is_finite() && !segment.uniform {
             let medium = segment.active.iter().map(|m| &worker.fields.media[*m]).find(|m| !m.field.uniform);
             let (name, span) = medium.map_or(("", None), |m| (m.name.as_str(), m.span));
@@ -73,13 +80,14 @@ fn run<V: Voxels + ?Sized>(
             }
             done += lanes as f64;
         }
+        let slice = |b: usize| Slice { tau: tau[b].get(), radiance: radiance[b].get(), ..Slice::default() };
+        panels.push(Panel::new((segment.start, length), i, std::array::from_fn(slice)));
     }
-    let optical_depth: Vec<f64> = (0..bands).map(|b| tau[b].get()).collect();
-    for b in 0..bands {
-        radiance[b].add((-optical_depth[b]).exp() * behind.radiance[b]);
-    }
+    panels.extend(veils);
+    let totals = compose(&panels, &behind.radiance, bands);
+    let optical_depth = totals.tau[..bands].to_vec();
     Ok(RayResult {
-        radiance: (0..bands).map(|b| radiance[b].get()).collect(),
+        radiance: totals.radiance[..bands].to_vec(),
         transmittance: optical_depth.iter().map(|t| (-t).exp()).collect(),
         error: vec![0.0; bands],
         error_tau: vec![0.0; bands],

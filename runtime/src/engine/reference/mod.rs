@@ -14,6 +14,10 @@
 //! Positions and lengths are in the graph's units; the caller converts. `Input::Direction` is the direction in which light
 //! travels, which inside media is against the ray; the background sees the direction of the ray.
 //!
+//! # Splats
+//! Splats of files are thin layers on the ray, each covering what is behind it (`splats`). They cut the stretches of media, and
+//! everything is composed in one order. They are seen by the eye alone: they neither shadow nor shine on anything.
+//!
 //! # Light
 //! A ray ends at the first surface (`surface`), whose reflected radiance is behind everything before it. With
 //! `scattering = single` media scatter what arrives from lights and the environment into the ray: each node of a panel asks
@@ -46,6 +50,7 @@ mod shade;
 mod shape;
 mod silhouette;
 mod sphere;
+mod splats;
 mod split;
 mod surface;
 mod tail;
@@ -59,11 +64,16 @@ pub use render::{Picture, Pixels};
 pub use surface::{MeshHit, Meshes, Triangles};
 pub use whole::WholeReference;
 
+use crate::data::splats::Splats;
+use crate::frame::Camera;
 use crate::frame::vector::{Vec3, normalize};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 use compiler::ir::{Composite, FieldScene, NodeId, Scattering, Shape};
 use field::{Fields, Ray};
+use splats::World;
+use splats::view::Projected;
+use std::sync::Arc;
 use trace::{BANDS, Worker};
 
 /// A box around a shape, if it has one that is easily seen. `value` gives the numbers of a node of tier Frame.
@@ -179,6 +189,7 @@ pub struct Reference<'a, V: ?Sized> {
     scene: &'a FieldScene,
     voxels: &'a V,
     meshes: Option<&'a dyn Meshes>,
+    splats: Option<World>,
     fields: Fields,
     bands: usize,
 }
@@ -196,13 +207,26 @@ impl<'a, V: Voxels + ?Sized> Reference<'a, V> {
             return Err(Diagnostic::error("E0654", message));
         }
         let bands = (scene.bands.count() as usize).clamp(1, BANDS);
-        Ok(Self { scene, voxels, meshes: None, fields: Fields::new(scene, params, time, voxels)?, bands })
+        let fields = Fields::new(scene, params, time, voxels)?;
+        Ok(Self { scene, voxels, meshes: None, splats: None, fields, bands })
     }
 
     /// With the triangles of the scene's meshes; without them a surface of triangles is not there.
     #[must_use]
     pub fn with_meshes(self, meshes: &'a dyn Meshes) -> Self {
         Self { meshes: Some(meshes), ..self }
+    }
+
+    /// With the splats of the scene, an entry for each item of them; without them there are none.
+    #[must_use]
+    pub fn with_splats(self, files: &[Arc<Splats>]) -> Self {
+        let splats = (!files.is_empty()).then(|| World::new(self.scene, &self.fields.splats, files));
+        Self { splats, ..self }
+    }
+
+    /// The splats as a camera sees them.
+    fn project(&self, camera: &Camera) -> Option<Projected> {
+        self.splats.as_ref().map(|world| Projected::new(world, camera))
     }
 
     /// Number of bands of every result.
@@ -217,7 +241,7 @@ impl<'a, V: Voxels + ?Sized> Reference<'a, V> {
     /// A coefficient that is negative (`E0650`) or not finite (`E0651`) with its medium and place; a medium without end that
     /// cannot be integrated (`E0652`); a ray without direction (`E0654`).
     pub fn trace(&self, origin: Vec3, direction: Vec3, options: &Options) -> Result<RayResult, Diagnostic> {
-        self.trace_with(&mut self.worker(), origin, direction, options)
+        self.trace_with(&mut self.worker(), (origin, direction), None, options)
     }
 
     fn worker(&self) -> Worker<'_, V> {
@@ -227,14 +251,19 @@ impl<'a, V: Voxels + ?Sized> Reference<'a, V> {
     fn trace_with(
         &self,
         worker: &mut Worker<'_, V>,
-        origin: Vec3,
-        direction: Vec3,
+        (origin, direction): (Vec3, Vec3),
+        pixel: Option<(&Projected, [f64; 2])>,
         options: &Options,
     ) -> Result<RayResult, Diagnostic> {
         let Some(direction) = normalize(direction).filter(|_| crate::frame::vector::is_finite(origin)) else {
             return Err(Diagnostic::error("E0654", "a ray needs a finite origin and a direction that is not zero"));
         };
         let ray = Ray::new(origin, direction, &self.fields.shells);
+        worker.layers = match (pixel, &self.splats) {
+            (Some((seen, at)), _) => seen.at(at, direction),
+            (None, Some(world)) => world.along(origin, direction),
+            (None, None) => vec![],
+        };
         match self.scene.render.composite {
             Composite::Radiance => match self.scene.render.scattering {
                 Scattering::None | Scattering::Single => worker.transfer(&ray, options),

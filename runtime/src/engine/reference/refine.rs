@@ -1,6 +1,6 @@
 //! Dividing panels until a ray is within its tolerance, and summing what is wrong with it then.
 
-use super::compose::{Panel, Sum, behind_each, compose, seams, weigh};
+use super::compose::{Panel, behind_each, compose, reaches, seams, weigh};
 use super::field::Ray;
 use super::panel::phi;
 use super::scatter::Behind;
@@ -100,6 +100,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let (mut wrong, mut wrong_tau) = ([0.0; BANDS], [0.0; BANDS]);
         let arriving = behind_each(panels, behind, bands);
         let weights = weigh(panels, behind, bands);
+        let reach = reaches(panels, &arriving, bands);
         for b in 0..bands {
             for (p, w) in panels.iter().zip(&weights) {
                 wrong[b] += w[b];
@@ -107,25 +108,24 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                 closed &= p.is_exact(b);
             }
             // Where a medium begins or ends is rounded relative to its distance: dL/dt there is ±T·σ·(S − L).
-            let mut tau = Sum::default();
             for (i, p) in panels.iter().enumerate() {
                 let s = &p.slices[b];
                 let starts = i == 0 || panels[i - 1].segment != p.segment;
                 let ends = panels.get(i + 1).is_none_or(|q| q.segment != p.segment);
                 let place = if ends { p.a + p.h } else { p.a };
                 let share = 4.0 * f64::EPSILON * place / p.h;
-                if (starts || ends) && p.h.is_finite() && s.tau.is_finite() {
+                if (starts || ends) && p.h > 0.0 && p.h.is_finite() && s.tau.is_finite() {
                     wrong_tau[b] += s.tau * share;
                     let contrast = (s.radiance / phi(s.tau) - s.tau * arriving[i][b]).abs();
-                    wrong[b] += (-(tau.get() + s.tau)).exp() * share * contrast;
+                    wrong[b] += reach[i][b] * (-s.tau).exp() * share * contrast;
                 }
-                wrong[b] += (-tau.get()).exp() * p.inner[b];
-                tau.add(s.tau);
+                wrong[b] += reach[i][b] * p.inner[b];
             }
             let tau = if rest.infinite[b] { f64::INFINITY } else { totals.tau[b] };
             let rounding = 4.0 * f64::EPSILON;
-            wrong[b] += rest.radiance[b] + rounding * totals.radiance[b];
-            wrong[b] += (-tau).exp() * (behind[b] * rest.tau[b] + beyond.wrong[b]);
+            wrong[b] += rest.radiance[b] + rounding * totals.radiance[b] + self.moved;
+            let last = if rest.infinite[b] { 0.0 } else { reach[panels.len()][b] };
+            wrong[b] += last * (behind[b] * rest.tau[b] + beyond.wrong[b]);
             wrong_tau[b] = if tau.is_finite() { wrong_tau[b] + rest.tau[b] + rounding * tau } else { 0.0 };
         }
         let optical_depth: Vec<f64> =

@@ -1,5 +1,6 @@
 //! Whole pictures and lists of pixels on all cores.
 
+use super::splats::view::Projected;
 use super::{Options, RayResult, Reference};
 use crate::frame::Camera;
 use compiler::diagnostic::Diagnostic;
@@ -51,6 +52,7 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
         const RUN: u64 = 64;
         let all = u64::from(w) * u64::from(h);
         let runs = all.div_ceil(RUN);
+        let seen = self.project(camera);
         let done = AtomicU64::new(0);
         let failed = AtomicU64::new(u64::MAX);
         let parts: Vec<Result<Pixels, Diagnostic>> = (0..runs)
@@ -64,7 +66,7 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
                     }
                     let pixels = (run * RUN..(run * RUN + RUN).min(all))
                         .map(|i| [(i % u64::from(w)) as u32, (i / u64::from(w)) as u32]);
-                    let result = self.some(worker, camera, pixels, offsets, options);
+                    let result = self.some(worker, (camera, seen.as_ref()), pixels, offsets, options);
                     if result.is_err() {
                         failed.fetch_min(run, Ordering::Relaxed);
                     }
@@ -88,9 +90,11 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
         offsets: &[[f64; 2]],
         options: &Options,
     ) -> Result<Pixels, Diagnostic> {
+        let seen = self.project(camera);
+        let eye = (camera, seen.as_ref());
         let parts = pixels
             .par_iter()
-            .map_init(|| self.worker(), |worker, p| self.some(worker, camera, [*p].into_iter(), offsets, options))
+            .map_init(|| self.worker(), |worker, p| self.some(worker, eye, [*p].into_iter(), offsets, options))
             .collect();
         join(parts)
     }
@@ -100,7 +104,7 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
     /// # Errors
     /// Those of [`Reference::trace`].
     pub fn rays(&self, rays: &[([f64; 3], [f64; 3])], options: &Options) -> Result<Vec<RayResult>, Diagnostic> {
-        let one = |worker: &mut _, ray: &([f64; 3], [f64; 3])| self.trace_with(worker, ray.0, ray.1, options);
+        let one = |worker: &mut _, ray: &([f64; 3], [f64; 3])| self.trace_with(worker, *ray, None, options);
         let all: Vec<_> = rays.par_iter().map_init(|| self.worker(), one).collect();
         all.into_iter().collect()
     }
@@ -108,7 +112,7 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
     fn some(
         &self,
         worker: &mut super::Worker<'_, V>,
-        camera: &Camera,
+        (camera, seen): (&Camera, Option<&Projected>),
         pixels: impl Iterator<Item = [u32; 2]>,
         offsets: &[[f64; 2]],
         options: &Options,
@@ -121,8 +125,9 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
                 list.resize(first + self.bands, 0.0);
             }
             for [dx, dy] in offsets {
-                let (origin, direction) = camera.ray(f64::from(x) + dx, f64::from(y) + dy);
-                let result = self.trace_with(worker, origin, direction, options)?;
+                let at = [f64::from(x) + dx, f64::from(y) + dy];
+                let pixel = seen.map(|seen| (seen, at));
+                let result = self.trace_with(worker, camera.ray(at[0], at[1]), pixel, options)?;
                 for b in 0..self.bands {
                     out.radiance[first + b] += share * result.radiance[b];
                     out.transmittance[first + b] += share * result.transmittance[b];

@@ -6,5 +6,6 @@ mod grids;
 mod paths;
 mod project;
 mod single;
+mod splats;
 mod stiff;
 mod surfaces;

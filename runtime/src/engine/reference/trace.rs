@@ -9,6 +9,7 @@ use super::panel::{Slice, solve_noisy};
 use super::scatter::{Behind, PLACES};
 use super::shape::Solid;
 use super::silhouette::{of_solid, of_surface};
+use super::splats::veil::{self, Layer};
 use super::split::{sort_splits, splits_of, thin};
 use super::surface::Meshes;
 use super::tail::Rest;
@@ -38,6 +39,8 @@ pub(super) struct Segment {
     pub(super) uniform: bool,
     /// Some of them scatter light into the ray.
     pub(super) scatters: bool,
+    /// Its part of the stretch that it was cut out of where splats are.
+    pub(super) share: f64,
 }
 
 /// State of one thread: registers of the tapes, and what they cost.
@@ -73,6 +76,10 @@ pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) opaque: [bool; BANDS],
     /// Such an overflow happened.
     pub(super) overflow: [bool; BANDS],
+    /// Splats on the ray, from near to far.
+    pub(super) layers: Vec<Layer>,
+    /// What moving faint ones to others' places may do to the radiance.
+    pub(super) moved: f64,
 }
 
 impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
@@ -106,6 +113,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             evaluations: 0,
             opaque: [false; BANDS],
             overflow: [false; BANDS],
+            layers: vec![],
+            moved: 0.0,
         }
     }
 
@@ -155,7 +164,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             if !active.is_empty() {
                 let scatters = self.fields.scatters && active.iter().any(|m| self.fields.media[*m].scatters);
                 let uniform = !scatters && active.iter().all(|m| self.fields.media[*m].field.uniform);
-                segments.push(Segment { start, end, active, uniform, scatters });
+                segments.push(Segment { start, end, active, uniform, scatters, share: 1.0 });
             }
         }
         segments
@@ -263,18 +272,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                 inner[band] = wrong.map_or(0.0, |w| h * reach * w[band].iter().fold(0.0f64, |m, x| m.max(*x)));
             }
             (0..self.bands).for_each(|b| self.front[b] += slices[b].tau);
-            out.push(Panel {
-                a,
-                h,
-                segment,
-                forced,
-                stalled: 0,
-                parent: f64::INFINITY,
-                plain,
-                seam: [[0.0; 2]; BANDS],
-                inner,
-                slices,
-            });
+            out.push(Panel { forced, plain, inner, ..Panel::new((a, h), segment, slices) });
         }
         Ok(())
     }
@@ -347,10 +345,25 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         self.evaluations = 0;
         self.opaque = [false; BANDS];
         self.overflow = [false; BANDS];
+        self.moved = 0.0;
         self.lean = options.is_lean();
         self.rough = self.lean && options.rtol >= 5e-4;
         self.front = [0.0; BANDS];
         self.tolerances(options)
+    }
+
+    /// The splats of the ray as panels without length, where they cut the segments.
+    fn veils(&mut self, segments: &mut Vec<Segment>, reach: f64, behind: &Behind, options: &Options) -> Vec<Panel> {
+        if self.layers.is_empty() {
+            return vec![];
+        }
+        // So faint that all of them together do not matter.
+        let faint = 1e-2 * options.rtol.max(1e-13) / self.layers.len() as f64;
+        let (veils, moved) = veil::place(&self.layers, reach, segments, faint);
+        // Nothing on the ray is brighter than its parts; a veil lets changes through at most 13 times as large, where it is dark.
+        let most = veils.iter().flat_map(|v| v.slices).map(|s| s.radiance).chain(behind.radiance).fold(1.0, f64::max);
+        self.moved = 13.0 * moved * most;
+        veils
     }
 
     /// The transfer equation along a ray up to a surface, or else to what is behind everything.
@@ -366,14 +379,21 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             let before = Intervals::of(0.0, hit.t);
             inside.iter_mut().for_each(|i| *i = i.intersection(&before));
         }
-        let segments = self.segments(&inside);
+        let mut segments = self.segments(&inside);
+        let reach = hit.map_or(f64::INFINITY, |h| h.t);
+        let veils = self.veils(&mut segments, reach, &behind, options);
         if let Some(steps) = options.steps {
-            return super::fixed::march(self, ray, &segments, &behind, steps);
+            return super::fixed::march(self, ray, &segments, &veils, &behind, steps);
         }
         let mut panels = vec![];
         let mut rest = Rest::default();
         self.front = [0.0; BANDS];
+        let mut veils = veils.into_iter().peekable();
         for (i, segment) in segments.iter().enumerate() {
+            while let Some(veil) = veils.next_if(|v| v.a <= segment.start) {
+                (0..self.bands).for_each(|b| self.front[b] += veil.slices[b].tau);
+                panels.push(veil);
+            }
             self.mark(ray, segment)?;
             if segment.end.is_finite() {
                 let still = segment.active.iter().all(|m| self.fields.media[*m].field.uniform);
@@ -385,11 +405,13 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     (_, true) => 16,
                     (_, false) => 32,
                 };
+                let least = (f64::from(least) * segment.share).ceil() as usize;
                 self.first(ray, &segments, i, (segment.start, segment.end), (least, MOST), &mut panels)?;
             } else {
                 rest = self.tail(ray, &segments, i, &mut panels, options)?;
             }
         }
+        panels.extend(veils);
         let complete = self.refine(ray, &segments, &mut panels, &behind.radiance, &rest, options)?;
         Ok(self.finish(&panels, &behind, &rest, complete))
     }

@@ -1,10 +1,12 @@
 //! The reference of a program whose bands are drawn in parts: traces each part and puts the bands in their order.
 
 use super::{ErrorKind, Meshes, Options, Picture, Pixels, RayResult, Reference};
+use crate::data::splats::Splats;
 use crate::frame::Camera;
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 use compiler::program::{BandPlace, Program};
+use std::sync::Arc;
 
 /// One [`Reference`] for each part of a program.
 #[derive(Clone, Debug)]
@@ -27,6 +29,12 @@ impl<'a, V: Voxels + ?Sized> WholeReference<'a, V> {
     #[must_use]
     pub fn with_meshes(self, meshes: &'a dyn Meshes) -> Self {
         Self { parts: self.parts.into_iter().map(|p| p.with_meshes(meshes)).collect(), ..self }
+    }
+
+    /// See [`Reference::with_splats`].
+    #[must_use]
+    pub fn with_splats(self, files: &[Arc<Splats>]) -> Self {
+        Self { parts: self.parts.into_iter().map(|p| p.with_splats(files)).collect(), ..self }
     }
 
     /// Number of bands of every result.

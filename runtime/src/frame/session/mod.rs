@@ -9,18 +9,19 @@ mod splats;
 use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
-    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Params, SceneFiles, Vec3,
-    pack_ray, sample_offsets, scene_bounds,
+    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, LoadedSplats, Nothing, Params, SceneFiles,
+    Vec3, pack_ray, sample_offsets, scene_bounds,
 };
 use crate::data::Volume;
 use crate::data::mesh::Mesh;
+use crate::data::splats::Splats;
 use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::{Display, Picture};
 use compiler::analysis::interval::Interval;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::evaluate_frame;
-use compiler::ir::{Aa, FieldScene, MeshId, MeshInfo, Scattering};
+use compiler::ir::{Aa, FieldScene, MeshId, MeshInfo, Scattering, SplatsInfo};
 use compiler::program::{OutputKind, Program, RaySource, StepRule, UniformField, UniformSource};
 use compiler::source::Sources;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -156,6 +157,7 @@ pub struct Session {
     options: compiler::Options,
     grids: Grids,
     meshes: Triangles,
+    splats: Vec<Arc<Splats>>,
     engine: Engine,
     fallback: Option<String>,
     seed: u64,
@@ -315,6 +317,25 @@ impl Session {
                 (program, held) = (plain, None);
             }
         }
+        let infos = &program.lowered.splats;
+        let splats: Vec<LoadedSplats> = loader.read_splats(infos).map_err(|(error, item)| {
+            let mut diagnostic = Diagnostic::error(error.code, error.message);
+            diagnostic.hints.extend(error.hint);
+            warnings.push(at_splats(diagnostic, infos, item));
+            trouble(Cause::Input, &warnings)
+        })?;
+        for (i, file) in splats.iter().enumerate() {
+            for warning in &file.warnings {
+                let mut diagnostic = warning.to_diagnostic();
+                diagnostic.message = format!("`{}`: {}", file.name, diagnostic.message);
+                warnings.push(at_splats(diagnostic, infos, i));
+            }
+        }
+        // Of pictures without them nobody is served.
+        if settings.engine == EngineChoice::Gpu && !program.lowered.splats.is_empty() {
+            warnings.push(splats_on_gpu(infos));
+            return Err(trouble(Cause::Input, &warnings));
+        }
         let program = Arc::new(program);
         let (engine, fallback) = choose(&program, shaders, (grids.loaded(), &meshes), &settings).map_err(|error| {
             warnings.push(machine(&error));
@@ -330,6 +351,7 @@ impl Session {
             options: settings.options,
             grids,
             meshes: Triangles(meshes),
+            splats: splats.into_iter().map(|s| s.splats).collect(),
             engine,
             fallback,
             seed: settings.seed,
@@ -583,7 +605,7 @@ impl Session {
 
     fn reference(&self, params: &Params, time: f64) -> Result<WholeReference<'_, Grids>, Trouble> {
         let engine = WholeReference::new(&self.program, &params.0, time, &self.grids);
-        Ok(engine.map_err(|d| self.input(d))?.with_meshes(&self.meshes))
+        Ok(engine.map_err(|d| self.input(d))?.with_meshes(&self.meshes).with_splats(&self.splats))
     }
 
     fn image(&self, error: crate::image::ImageError) -> Trouble {
@@ -850,6 +872,22 @@ fn at_mesh(diagnostic: Diagnostic, meshes: &[MeshInfo], mesh: usize) -> Diagnost
     }
 }
 
+fn at_splats(diagnostic: Diagnostic, splats: &[SplatsInfo], item: usize) -> Diagnostic {
+    match splats.get(item).and_then(|s| s.span) {
+        Some(span) => diagnostic.at(span, "this file"),
+        None => diagnostic,
+    }
+}
+
+fn splats_on_gpu(infos: &[SplatsInfo]) -> Diagnostic {
+    let diagnostic = Diagnostic::error("E0909", "splats of files are not drawn on the GPU yet")
+        .hint("use `--engine cpu` or `--engine reference`, which draw them");
+    match infos.first().and_then(|s| s.span) {
+        Some(span) => diagnostic.at(span, "these splats"),
+        None => diagnostic,
+    }
+}
+
 fn machine(error: &GpuError) -> Diagnostic {
     let mut diagnostic = Diagnostic::error(error.kind.code(), error.message.clone());
     diagnostic.hints.extend(error.hint.clone());
@@ -874,6 +912,10 @@ fn choose(
         EngineChoice::Gpu => Ok((gpu()?, None)),
         EngineChoice::Cpu => Ok((Engine::Cpu, None)),
         EngineChoice::Reference => Ok((Engine::Reference, None)),
+        // Better slow than without them.
+        EngineChoice::Auto if !program.lowered.splats.is_empty() => {
+            Ok((Engine::Cpu, Some("splats of files are not drawn on the GPU yet".into())))
+        }
         EngineChoice::Auto => match gpu() {
             Ok(engine) => Ok((engine, None)),
             // Whoever names an adapter wants that one.

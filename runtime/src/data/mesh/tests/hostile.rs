@@ -175,10 +175,11 @@ proptest! {
             None => obj(|p| format!("v {} {} {}\n", p[0], p[1], p[2]), |f| format!("f {} {} {} {}\n", f[0], f[1], f[2], f[3])).into_bytes(),
         };
         for (at, byte, kind) in changes {
-            let at = at.index(bytes.len());
+            // Cut off again and again, nothing may be left.
+            let at = at.index(bytes.len().max(1));
             match kind {
-                0 => bytes[at] = byte,
-                1 => bytes.insert(at, byte),
+                0 => bytes[at..].iter_mut().take(1).for_each(|b| *b = byte),
+                1 => bytes.insert(at.min(bytes.len()), byte),
                 _ => bytes.truncate(at.max(bytes.len() / 2)),
             }
         }

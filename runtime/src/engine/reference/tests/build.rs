@@ -213,6 +213,7 @@ impl Build {
             lights: self.lights,
             surfaces: self.surfaces,
             meshes: self.meshes,
+            splats: vec![],
             environment: self.environment,
             graph: self.g,
             units: Units::METRE,
