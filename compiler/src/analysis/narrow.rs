@@ -14,6 +14,9 @@ use rustc_hash::FxHashMap;
 const MOST_ROWS: usize = 4096;
 /// A turn of a table counts if both its sides are at least this share of all that the column spans.
 const PROMINENT: f64 = 0.25;
+/// One that is at half its height no wider than this share of the table counts, too, if it is at least this share
+/// of the column's integral.
+const SPIKE: (f64, f64) = (1.0 / 256.0, 1e-3);
 /// Most arguments that are followed.
 const LIMIT: usize = 16;
 
@@ -100,6 +103,9 @@ fn turns(keys: &[f64], columns: &[Vec<f64>]) -> Vec<(f64, f64)> {
     for column in columns {
         let (low, high) = column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)));
         let least = PROMINENT * (high - low);
+        let pieces = || keys.windows(2).zip(column.windows(2));
+        let whole: f64 = pieces().map(|(k, v)| 0.5 * (k[1] - k[0]) * (v[0].abs() + v[1].abs())).sum();
+        let spanned = keys[keys.len() - 1] - keys[0];
         // Where the run that the last change belongs to began, and its sign.
         let mut run: Option<(usize, f64)> = None;
         for i in 1..column.len() {
@@ -114,8 +120,23 @@ fn turns(keys: &[f64], columns: &[Vec<f64>]) -> Vec<(f64, f64)> {
                     let end = (i..column.len()).find(|j| (column[*j] - column[*j - 1]) * change <= 0.0);
                     let end = end.map_or(column.len() - 1, |j| j - 1);
                     let peak = column[i - 1];
-                    if (peak - column[first]).abs().min((peak - column[end]).abs()) >= least {
+                    let height = (peak - column[first]).abs().min((peak - column[end]).abs());
+                    if height >= least {
                         out.push((keys[first], keys[end]));
+                    } else {
+                        // Where it is more than half as high as it rises.
+                        let level = peak - 0.5 * height * (peak - column[end]).signum();
+                        let cut = |a: usize, b: usize| {
+                            let share = (level - column[a]) / (column[b] - column[a]);
+                            keys[a] + share.clamp(0.0, 1.0) * (keys[b] - keys[a])
+                        };
+                        let beyond = |j: usize| (column[j] - level) * (peak - level) <= 0.0;
+                        let from = (first..i - 1).rev().find(|j| beyond(*j)).map_or(keys[first], |j| cut(j, j + 1));
+                        let to = (i..=end).find(|j| beyond(*j)).map_or(keys[end], |j| cut(j, j - 1));
+                        let width = to - from;
+                        if width <= SPIKE.0 * spanned && height * width >= SPIKE.1 * whole {
+                            out.push((from, to));
+                        }
                     }
                     run = Some((i - 1, change.signum()));
                 }

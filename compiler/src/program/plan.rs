@@ -102,6 +102,8 @@ pub enum BricksPart {
 /// What may be left in bricks that count as empty, as a share of the accuracy: of a picture, all together, in optical depth and
 /// in emission relative to white. For a probe nothing may be left.
 pub const EMPTY: f64 = 1e-4;
+/// Optical depth of a cell of a field, over `accuracy`, up to which ordinary steps are taken to find everything in it.
+pub const HIDING: f64 = 16.0;
 /// Bricks of a lattice at most, and with them the size of its buffer.
 pub const MOST_BRICKS: u32 = 64 * 64 * 64;
 

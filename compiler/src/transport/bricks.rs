@@ -11,7 +11,7 @@ use crate::fields::Code;
 use crate::ir::{Composite, FieldScene, Graph, NodeId, Primitive, PrimitiveKind, Tier};
 use crate::passes;
 use crate::program::kernel::{Expr, FunctionId, Math, Prim, Ty};
-use crate::program::{Ledger, MediumBounds, Narrow, StepRule};
+use crate::program::{FrameValue, HIDING, Ledger, MediumBounds, Narrow, StepRule};
 
 /// Numbers of a brick's record; see [`crate::program::Binding::Bounds`].
 const RECORD: u32 = 4;
@@ -87,6 +87,8 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
 
 /// Steps across an occupied brick in which nothing is seen.
 const UNSEEN: f64 = 6.0;
+/// The least third power of how much shorter steps become where something may hide.
+const HIDING_LEAST: f64 = 1e-4;
 
 /// What a lattice says about a place and the way on from there.
 pub(super) struct Brick {
@@ -224,6 +226,26 @@ impl Tracer<'_> {
             })
         });
         Some(code.bind("longest_unseen", Ty::F32, least))
+    }
+
+    /// Longest step at t on which nothing that counts hides between samples which met nothing, where fields have cells of a known
+    /// size. A bump that is cut off at zero is a parabola: of length ℓ and in a field of cells c and extinction σ it has an optical
+    /// depth of about 3 σ ℓ³/c², and must not count against `accuracy`.
+    pub(super) fn longest_hiding(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: Expr) -> Option<Expr> {
+        let celled = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].cell.is_some());
+        if !media.iter().any(celled) {
+            return None;
+        }
+        let p = code.bind("p_hiding", Ty::VEC3, ray.at(t));
+        let accuracy = self.builder.frame(FrameValue::Accuracy);
+        let white = self.builder.frame(FrameValue::White);
+        Some(self.least_of(code, media, "hiding", &mut |this, code, medium| {
+            let cell = this.scene.bounds[medium.matter.bounds? as usize].cell?;
+            let brick = this.brick(code, medium, &p, &ray.direction)?;
+            let most = brick.extinction.max(brick.source / white.clone()).max(1e-30) * cell;
+            let share = (accuracy.clone() * HIDING / most).min(1.0).max(HIDING_LEAST);
+            Some(Expr::math(Math::Pow, [share, (1.0 / 3.0).into()]) * (2.0 * cell))
+        }))
     }
 
     /// The least of what is asked of each medium that is here; FAR where there is none.

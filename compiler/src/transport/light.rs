@@ -18,6 +18,8 @@ use std::f64::consts::PI;
 pub(super) const GOLDEN: f64 = 0.381_966_011_250_105_1;
 /// Phase functions with a mean cosine below this are sampled evenly.
 const NARROW: f64 = 0.3;
+/// The largest mean cosine that directions are drawn for: narrower lobes are as wide as a direction's rounding.
+const NARROWEST: f64 = 0.999_999;
 
 /// The function `in_scattered(p, direction)`: ∫ phase · L_in dω for each phase function.
 #[derive(Clone)]
@@ -124,11 +126,16 @@ impl Tracer<'_> {
 
     /// The direction at an angle of cosine `mu` from an axis, `turns` around it.
     pub(super) fn around(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), mu: &Expr, turns: Expr) -> Expr {
-        let angle = code.bind("azimuth", Ty::F32, turns * (2.0 * PI));
         let rest = (Expr::F32(1.0) - mu.clone() * mu.clone()).max(0.0).sqrt();
         let rest = code.bind("sine", Ty::F32, rest);
-        let side = frame.0.clone() * (rest.clone() * Expr::math(Math::Cos, [angle.clone()])).splat(3);
-        let other = frame.1.clone() * (rest * Expr::math(Math::Sin, [angle])).splat(3);
+        Self::beside(code, axis, frame, (mu, &rest), turns)
+    }
+
+    /// The same, given the cosine and the sine.
+    fn beside(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), (mu, sine): (&Expr, &Expr), turns: Expr) -> Expr {
+        let angle = code.bind("azimuth", Ty::F32, turns * (2.0 * PI));
+        let side = frame.0.clone() * (sine.clone() * Expr::math(Math::Cos, [angle.clone()])).splat(3);
+        let other = frame.1.clone() * (sine.clone() * Expr::math(Math::Sin, [angle])).splat(3);
         let to = axis.clone() * mu.clone().splat(3) + side + other;
         code.bind("to", Ty::VEC3, Expr::math(Math::Normalize, [to]))
     }
@@ -319,29 +326,38 @@ impl Tracer<'_> {
         code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
         // The cosine from the axis, and the solid angle that the sample stands for.
-        let (mu, solid) = match receiver {
+        let (mu, sine, solid) = match receiver {
             Receiver::Surface { .. } | Receiver::Path { .. } | Receiver::Sharp => {
                 let mu = code.bind("mu", Ty::F32, (Expr::F32(1.0) - u).max(0.0).sqrt());
-                (mu.clone(), Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
+                (mu.clone(), None, Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
             }
             Receiver::Medium { narrow: None, .. } => {
                 let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - u * 2.0);
-                (mu, Expr::F32(4.0 * PI / f64::from(count)))
+                (mu, None, Expr::F32(4.0 * PI / f64::from(count)))
             }
             Receiver::Medium { narrow: Some(g), .. } => {
-                // Henyey and Greenstein's lobe, whose distribution has a closed inverse.
-                let g = *g;
-                let s = Expr::F32(1.0 - g * g) / (u * (2.0 * g) + (1.0 - g));
-                let s = code.bind("s", Ty::F32, s);
-                let mu = (Expr::F32(1.0 + g * g) - s.clone() * s.clone()) * (0.5 / g);
-                let mu = code.bind("mu", Ty::F32, Expr::math(Math::Clamp, [mu, (-1.0).into(), 1.0.into()]));
+                // Henyey and Greenstein's lobe, whose distribution has a closed inverse. A narrow one lies where cosines
+                // are 1 in f32: all is made of 1 − |cos θ|.
+                let size = g.abs();
+                let least = 1.0 - size;
+                let spread = code.bind("spread", Ty::F32, Expr::F32(least) + u.clone() * (2.0 * size));
+                let s = code.bind("s", Ty::F32, Expr::F32(least * (1.0 + size)) / spread.clone());
+                let short = (Expr::F32(1.0) - u) * (s.clone() + least) * least / spread;
+                let short = Expr::math(Math::Clamp, [short, 0.0.into(), 2.0.into()]);
+                let short = code.bind("short", Ty::F32, short);
+                let sine = (short.clone() * (Expr::F32(2.0) - short.clone())).max(0.0).sqrt();
+                let mu = (Expr::F32(1.0) - short) * g.signum();
                 // s² = 1 + g² − 2gμ.
-                let density = Expr::F32((1.0 - g * g) / (4.0 * PI)) / (s.clone() * s.clone() * s);
-                (mu, Expr::F32(1.0 / f64::from(count)) / density)
+                let density = Expr::F32(least * (1.0 + size) / (4.0 * PI)) / (s.clone() * s.clone() * s);
+                let solid = Expr::F32(1.0 / f64::from(count)) / density;
+                (code.bind("mu", Ty::F32, mu), Some(code.bind("sine", Ty::F32, sine)), solid)
             }
         };
         let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
-        let to = Self::around(code, &axis, &frame, &mu, turns);
+        let to = match &sine {
+            Some(sine) => Self::beside(code, &axis, &frame, (&mu, sine), turns),
+            None => Self::around(code, &axis, &frame, &mu, turns),
+        };
         let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
         let e = code.bind("irradiance", Ty::float(lw), e);
@@ -555,7 +571,9 @@ impl Tracer<'_> {
         }
         let means = self.scene.phases.iter().map(|f| f.mean_cosine);
         let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });
-        let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-0.98, 0.98));
+        // Directions drawn for one narrow lobe serve a wide one badly.
+        let most = if self.scene.phases.len() == 1 { NARROWEST } else { 0.98 };
+        let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-most, most));
         let receiver = Receiver::Medium { direction: &direction, narrow };
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
             let each = functions.iter().enumerate();

@@ -10,6 +10,9 @@ use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
 pub(super) const OPAQUE: f64 = 104.0;
+/// How far rounding moves a sample, relative to its distance from the origins of the scene and of its ray: two units in the last
+/// place of an f32.
+const PLACE: f64 = 1.0 / 4_194_304.0;
 /// Share of `accuracy` that step control spends; the rest is left for rounding and early exit.
 const SHARE: f64 = 0.5;
 
@@ -179,7 +182,7 @@ impl Tracer<'_> {
         let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
         let second = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.75, "second");
         let after = sharp.map(|f| {
-            let end = ray.at(from + step.clone());
+            let end = ray.at(from.clone() + step.clone());
             code.bind("visible_after", Ty::F32, Expr::Call(f, vec![end]))
         });
         if let Some(work) = state.work {
@@ -205,11 +208,15 @@ impl Tracer<'_> {
             _ => None,
         };
         let front = state.depth.map(|d| code.bind("front", Ty::float(dw), (-Expr::Local(d)).exp()));
+        // The places of samples are rounded. By what values differ between them they would differ for that: no shorter step helps.
+        let place = largest(ray.origin.clone().abs(), 3) + from.clone().abs();
+        let blur = code.bind("blur", Ty::F32, (place * PLACE / half.clone().max(1e-37)).min(1.0));
         let mut wrong: Vec<Expr> = vec![];
         // What is added to the error if the step is taken.
         let mut pending: Vec<(LocalId, Expr)> = vec![];
         let mut light_gain = None;
         if let (Some(whole), Some(first), Some(second)) = (light_whole, light_first, light_second) {
+            let noise = (second.clone() - first.clone()).abs() * blur.clone().splat(lw);
             let behind = match &x_first {
                 Some(x) => widen((-x.clone()).exp(), dw, lw) * second,
                 None => second,
@@ -217,6 +224,7 @@ impl Tracer<'_> {
             let both = code.bind("light", Ty::float(lw), first + behind);
             let weight = front.clone().map_or(Expr::F32(1.0).splat(lw), |f| widen(f, dw, lw));
             let gain = code.bind("gain", Ty::float(lw), weight.clone() * both.clone());
+            let noise = largest(weight.clone() * noise, lw);
             let off = code.bind("light_error", Ty::F32, largest(weight * (both - whole).abs(), lw));
             light_gain = Some(gain.clone());
             // Light this step may be wrong by: its share of A·max(W, L), or A of what it adds itself.
@@ -224,12 +232,14 @@ impl Tracer<'_> {
             let so_far = largest(Expr::Local(radiance) + gain.clone(), lw);
             let share = white.clone().max(so_far) * (step.clone() / reach.clone());
             let allowed = accuracy.clone() * SHARE * share.max(least(gain, lw));
-            wrong.push(off.clone() / allowed.max(1e-37));
+            wrong.push((off.clone() - noise) / allowed.max(1e-37));
             if let Some(error) = state.error {
                 pending.push((error, off));
             }
         }
         if let (Some(x), Some(whole), Some(front)) = (&x, x_whole, &front) {
+            let noise = x_first.zip(x_second).map(|(a, b)| (b - a).abs() * blur.clone().splat(dw));
+            let noise = noise.expect("halves make the whole");
             let off = (x.clone() - whole.clone()).abs();
             let off = match self.walk {
                 // What is left after extrapolation is less than a quarter of the difference on anything smooth.
@@ -245,14 +255,16 @@ impl Tracer<'_> {
             let allowed = match &self.walk {
                 Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => allowed,
                 // Half goes to the shadows, relative to the light that comes through, or to white.
-                Walk::Shadow { dim } => allowed * 0.5 * dim.clone().max(largest(through, dw)),
+                Walk::Shadow { dim } => allowed * 0.5 * dim.clone().max(largest(through.clone(), dw)),
             };
-            wrong.push(seen.clone() / allowed.max(1e-37));
+            let clear = (off.clone() - noise).max(Expr::F32(0.0).splat(dw));
+            let clear = code.bind("clear_off", Ty::float(dw), clear);
+            let felt = largest(through * clear.clone().min(Expr::F32(1.0).splat(dw)), dw);
+            wrong.push(felt / allowed.max(1e-37));
             if self.wants(OutputKind::OpticalDepth) {
                 let depth = state.depth.expect("there is depth to add");
                 let share = x.clone().max(Expr::Local(depth) * (step.clone() / reach.clone()).splat(dw));
-                let relative =
-                    off.clone() / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
+                let relative = clear / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
                 wrong.push(largest(relative, dw));
             }
             if let (Some(error), Walk::Shadow { .. }) = (state.error, &self.walk) {
@@ -267,7 +279,7 @@ impl Tracer<'_> {
         }
         if let (Some(error), Some(first), Some(second)) = (state.error, first.source_error, second.source_error) {
             let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
-            pending.push((error, seen * (first + second) * half));
+            pending.push((error, seen * (first + second) * half.clone()));
         }
         if let (Some(before), Some(after), Some(first), Some(second)) =
             (before, &after, &first.visible, &second.visible)
@@ -282,12 +294,27 @@ impl Tracer<'_> {
             let much = step.clone() / (length.clone() * (accuracy.clone() * (0.5 * SHARE))).max(1e-37);
             wrong.push(cut.select(much.clone() * much, 0.0));
         }
+        // Something is in this brick, and no sample has met it: it may lie between them.
+        let seen = [x.clone().map(|x| largest(x, dw)), light_gain.clone().map(|l| largest(l, lw))];
+        let seen = seen.into_iter().flatten().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         if let Some(gap) = gap {
-            // Something is in this brick, and no sample has met it: it may lie between them.
-            let seen = [x.clone().map(|x| largest(x, dw)), light_gain.clone().map(|l| largest(l, lw))];
-            let seen = seen.into_iter().flatten().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
             let much = code.bind("gaps", Ty::F32, step.clone() / gap);
-            wrong.push(seen.equal(0.0).select(much.clone() * much, 0.0));
+            wrong.push(seen.clone().equal(0.0).select(much.clone() * much, 0.0));
+        }
+        if matches!(self.walk, Walk::Eye) && media.iter().any(|m| m.matter.bounds.is_some()) {
+            let hidden = code.var("hidden", Ty::F32, 0.0);
+            code.open();
+            let middle = from.clone() + half.clone();
+            let longest = self.longest_hiding(code, ray, media, middle);
+            if let Some(longest) = &longest {
+                let much = code.bind("times", Ty::F32, step.clone() / longest.clone());
+                code.set(hidden, much.clone() * much);
+            }
+            let block = code.close();
+            if longest.is_some() {
+                code.push_if(seen.equal(0.0), block);
+                wrong.push(hidden.into());
+            }
         }
         let wrong = wrong.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         let wrong = code.bind("excess", Ty::F32, wrong);

@@ -19,6 +19,11 @@ use crate::ir::{Composite, FieldScene, Graph, Input, NodeId, PrimitiveKind, Tier
 use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
 
+/// Half a unit in the last place of an f32, relative.
+const HALF_ULP: f64 = 1.0 / 16_777_216.0;
+/// What a handful of operations and an exponential of f32 may be wrong by, relative.
+const ROUNDED: f64 = 6.0 * HALF_ULP;
+
 /// What a traced ray returns, and where in the struct.
 pub(crate) struct Traced {
     pub(crate) function: FunctionId,
@@ -396,7 +401,9 @@ impl Tracer<'_> {
             ledger.omit("emission along the ray", "nothing shines", None);
         }
         let steps = !matches!(self.rule, StepRule::Closed) || self.scene.is_lit();
-        let error = (steps && self.wants(OutputKind::Error)).then(|| code.var("error", Ty::F32, 0.0));
+        // Closed forms between boundaries are as good as the boundaries.
+        let ends = through && !scene.matter.is_empty() && !scene.primitives.is_empty();
+        let error = ((steps || ends) && self.wants(OutputKind::Error)).then(|| code.var("error", Ty::F32, 0.0));
         let adaptive = matches!(self.rule, StepRule::Adaptive(_));
         let work =
             (steps && (adaptive || self.wants(OutputKind::Evaluations))).then(|| code.var("work", Ty::U32, 0u32));
@@ -650,10 +657,69 @@ impl Tracer<'_> {
             return;
         }
         match self.walk.clone() {
-            Walk::Eye | Walk::Shadow { .. } => {}
-            Walk::Path(flight) => return self.fly(code, state, media, segment, &flight),
-            Walk::Ratio(ratio) => return self.ratio(code, state, media, segment, &ratio),
+            Walk::Eye => {
+                let before = self.before(code, state);
+                self.lit_segment(code, state, media, segment);
+                self.count_rounded_ends(code, state, segment, before);
+            }
+            Walk::Shadow { .. } => self.lit_segment(code, state, media, segment),
+            Walk::Path(flight) => self.fly(code, state, media, segment, &flight),
+            Walk::Ratio(ratio) => self.ratio(code, state, media, segment, &ratio),
         }
+    }
+
+    /// Depth and radiance in front of a segment, where the error is kept.
+    fn before(&self, code: &mut Code, state: &State) -> [Option<Expr>; 2] {
+        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
+        // The ends of slabs are no boundaries: what one lacks the next has.
+        let slabs = matches!(self.rule, StepRule::Slabs { .. } | StepRule::Splats { .. });
+        if slabs || state.error.is_none() || self.scene.primitives.is_empty() {
+            return [None, None];
+        }
+        [
+            state.depth.map(|d| code.bind("depth_before", Ty::float(dw), Expr::Local(d))),
+            state.radiance.map(|r| code.bind("radiance_before", Ty::float(lw), Expr::Local(r))),
+        ]
+    }
+
+    /// Adds to the error what it makes that the ends of a segment are rounded: a length of `l` that is off by δ is off by δ/l in
+    /// optical depth, and by less than e^(−x/2) δ/l in its own light.
+    fn count_rounded_ends(
+        &mut self,
+        code: &mut Code,
+        state: &State,
+        segment: &Segment,
+        [depth_before, radiance_before]: [Option<Expr>; 2],
+    ) {
+        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
+        let Some(error) = state.error else { return };
+        let mut parts = vec![];
+        let x = depth_before.zip(state.depth).map(|(before, depth)| {
+            let x = code.bind("segment_depth", Ty::float(dw), Expr::Local(depth) - before);
+            let white = self.builder.frame(FrameValue::White);
+            let bright = match state.radiance {
+                Some(radiance) => white.max(largest(radiance.into(), lw)),
+                None => white,
+            };
+            parts.push(bright * largest((-Expr::Local(depth)).exp() * x.clone(), dw));
+            x
+        });
+        if let Some((before, radiance)) = radiance_before.zip(state.radiance) {
+            let own = Expr::Local(radiance) - before;
+            let own = match &x {
+                Some(x) => own * widen((x.clone() * Expr::F32(-0.5).splat(dw)).exp(), dw, lw),
+                None => own,
+            };
+            parts.push(largest(own, lw));
+        }
+        let Some(all) = parts.into_iter().reduce(|a, b| a + b) else { return };
+        let Segment { ray, a, b, .. } = segment;
+        let place = largest(ray.origin.clone().abs(), 3) * 2.0 + a.clone().abs() + b.clone().abs();
+        let off = code.bind("rounded", Ty::F32, place.min(FAR) * HALF_ULP / (b.clone() - a.clone()).max(1e-37));
+        code.add(error, off.min(1.0) * all);
+    }
+
+    fn lit_segment(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
         let (stepped, others): (Vec<&Medium<'_>>, Vec<&Medium<'_>>) = media.iter().partition(|m| self.steps(m.matter));
         let Segment { ray, a, b, .. } = segment;
         if stepped.is_empty() {
@@ -828,6 +894,7 @@ impl Tracer<'_> {
         }
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];
+        let mut rounded = None;
         for kind in self.wanted.clone() {
             match kind {
                 OutputKind::Radiance => {
@@ -836,6 +903,8 @@ impl Tracer<'_> {
                         None => self.radiance(&mut code, ray, state, hit, reflected),
                     };
                     fields.push((kind, lw));
+                    let light = code.bind("light", Ty::float(lw), light);
+                    rounded = state.projected.is_none().then(|| largest(light.clone(), lw) * ROUNDED);
                     values.push(light);
                 }
                 OutputKind::Transmittance => {
@@ -854,7 +923,8 @@ impl Tracer<'_> {
                 }
                 OutputKind::Error => {
                     fields.push((kind, 1));
-                    values.push(state.error.map_or(Expr::F32(0.0), Expr::Local));
+                    let error = state.error.map(Expr::Local).into_iter().chain(rounded.take());
+                    values.push(error.reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0)));
                 }
                 OutputKind::Evaluations => {
                     fields.push((kind, 1));

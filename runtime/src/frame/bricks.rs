@@ -14,7 +14,7 @@ use compiler::analysis::interval::{Enclosure, Interval, Region, TableBounds, Wor
 use compiler::analysis::range::Known;
 use compiler::ir::eval::evaluate_frame;
 use compiler::ir::{FieldScene, NodeId, Primitive, PrimitiveKind, Shape};
-use compiler::program::{BricksPart, EMPTY, MOST_BRICKS, MediumBounds};
+use compiler::program::{BricksPart, EMPTY, HIDING, MOST_BRICKS, MediumBounds};
 use rayon::prelude::*;
 
 /// Instructions on intervals that one level of a lattice may cost: about half a second of one core.
@@ -91,6 +91,35 @@ impl Bricks {
     #[must_use]
     pub fn occupied(&self) -> f64 {
         self.records.iter().filter(|r| r[2] == 0.0).count() as f64 / self.records.len().max(1) as f64
+    }
+
+    /// Whether a cell of the medium's field can be so dense, with params anywhere in their ranges, that steps need to know where.
+    #[must_use]
+    pub fn hides(
+        scene: &FieldScene,
+        bounds: &MediumBounds,
+        (params, time): (&[Vec<f64>], f64),
+        grids: &Grids,
+        nothing: Nothing,
+    ) -> bool {
+        let Some(cell) = bounds.cell.filter(|_| !nothing.paths) else { return false };
+        let mut value = |node: NodeId| evaluate_frame(&scene.graph, &[node], params, time).remove(0);
+        let shape = &scene.media[bounds.medium as usize].shape;
+        let (low, high) = bounding_box(shape, &mut value).unwrap_or(([-1e18; 3], [1e18; 3]));
+        let mut fields = Fields::new(scene, bounds, params, time);
+        for (own, param) in fields.params.iter_mut().zip(&scene.params) {
+            let Some((least, most)) = param.range else { continue };
+            let unit = scene.units.scale(param.dimension[0]);
+            own.fill(Interval::new(least * unit, most * unit));
+        }
+        fields.tables = TableBounds::new(&scene.graph, &fields.params, fields.time);
+        let mut work = fields.code.workspace();
+        fields.run([0, 1, 2].map(|i| Interval::new(low[i], high[i])), grids, &mut work);
+        let largest = |root: usize| fields.code.hull(&work, root).magnitude();
+        let extinction = fields.extinction.map_or(0.0, largest);
+        let source = fields.source.iter().map(|s| largest(*s)).fold(0.0, f64::max);
+        let source = if nothing.white > 0.0 { source / nothing.white } else { source };
+        !(extinction.max(source) * cell <= HIDING * nothing.accuracy)
     }
 
     /// Evaluates the bounds of a medium. `scene` is the optimised one; params are in the graph's units.

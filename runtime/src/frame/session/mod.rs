@@ -134,17 +134,20 @@ impl Bounding {
         if program.parts().all(|p| p.plan.bounds.is_empty()) {
             return None;
         }
-        // Optical depth is asked for relative to itself, and so is all that a probe asks.
-        let relative = program.plan.output(OutputKind::OpticalDepth).is_some() || !self.picture;
-        let white = if relative { 0.0 } else { super::white(&program.lowered, &params.0, time) };
         let of_part = |part: &Program| {
-            let paths = matches!(part.plan.steps, StepRule::Paths(_));
-            let nothing = Nothing { accuracy: self.accuracy, white, paths };
+            let nothing = self.nothing(part, params, time);
             let one = |b| Bricks::new(&part.optimised, b, (&params.0, time), grids, nothing);
             part.plan.bounds.iter().map(one).collect()
         };
         let bricks = Arc::new(program.parts().map(of_part).collect());
         Some(Held { bounding: self, params: params.clone(), time, bricks })
+    }
+
+    fn nothing(self, part: &Program, params: &Params, time: f64) -> Nothing {
+        // Optical depth is asked for relative to itself, and so is all that a probe asks.
+        let relative = part.plan.output(OutputKind::OpticalDepth).is_some() || !self.picture;
+        let white = if relative { 0.0 } else { super::white(&part.lowered, &params.0, time) };
+        Nothing { accuracy: self.accuracy, white, paths: matches!(part.plan.steps, StepRule::Paths(_)) }
     }
 }
 
@@ -307,7 +310,15 @@ impl Session {
             EngineChoice::Cpu | EngineChoice::Reference => None,
         };
         // Where bounds tell nothing, code that reads them would only be in the way.
-        if held.as_ref().is_some_and(|h| h.bricks.iter().flatten().all(Bricks::is_whole)) {
+        let idle = |held: &Held| {
+            held.bricks.iter().flatten().all(Bricks::is_whole)
+                && !program.parts().any(|part| {
+                    let nothing = held.bounding.nothing(part, &held.params, held.time);
+                    let at = (held.params.0.as_slice(), held.time);
+                    part.plan.bounds.iter().any(|b| Bricks::hides(&part.optimised, b, at, &grids, nothing))
+                })
+        };
+        if held.as_ref().is_some_and(idle) {
             let options = compiler::Options { unbounded: true, ..settings.options.clone() };
             if let Some(plain) = compiler::compile(name, text, loader, &options).program {
                 shaders = emit(&plain).map_err(|error| {
