@@ -291,9 +291,15 @@ pub(crate) struct Report {
 pub(crate) struct Stress {
     /// The scene; `-` reads it from standard input. Without one, scenes that are carried along put the program itself on trial
     pub(crate) scene: Option<String>,
-    /// Seconds that each scene may take, about; what does not fit is left out, and is listed
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", allow_hyphen_values = true, value_parser = positive)]
-    pub(crate) budget: f64,
+    /// Seconds that each scene may take, about; what does not fit is left out, and is listed [default: 60, invented scenes 2]
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true, value_parser = positive)]
+    pub(crate) budget: Option<f64>,
+    /// Invent so many scenes at random, each of which is tried as it stands; `--seed` is the number of the first
+    #[arg(long, value_name = "COUNT", conflicts_with = "scene")]
+    pub(crate) invent: Option<u64>,
+    /// Write the invented scene of this number to standard output instead, and try nothing
+    #[arg(long, value_name = "NUMBER", conflicts_with_all = ["scene", "invent"])]
+    pub(crate) show: Option<u64>,
     /// Set a parameter in every case that does not set it itself. Repeats
     #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
     pub(crate) set: Vec<String>,

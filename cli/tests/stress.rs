@@ -38,7 +38,17 @@ fn a_sound_scene_passes_every_case() {
     let cases = cases(&document, "cpu");
     let case = ["group", "case", "engine", "backend", "verdict", "reasons", "picture", "milliseconds"];
     assert_eq!(keys(cases[0]), case);
-    let picture = ["size", "least_lx", "mean_lx", "most_lx", "compared", "error_lx", "reported_lx", "apart"];
+    let picture = [
+        "size",
+        "least_lx",
+        "mean_lx",
+        "most_lx",
+        "compared",
+        "error_lx",
+        "reported_lx",
+        "apart",
+        "reported_over_measured",
+    ];
     assert_eq!(keys(&cases[0]["picture"]), picture);
     let found = |name: &str| *cases.iter().find(|c| c["case"] == name).unwrap_or_else(|| panic!("no case `{name}`"));
     // What was done shows in the pictures.

@@ -1,15 +1,21 @@
 //! Where fields jump along a ray: planes on which a comparison changes sides, or on which a rounded coordinate changes.
 //!
-//! At a jump every rule of integration falls to order 1 unless a step ends there. Only jumps on planes are found: arguments
-//! that are affine in the position. Lattice noise is smooth across its cells, so that its roundings are left out.
+//! At a jump every rule of integration falls to order 1 unless a step ends there. Where a ray meets a plane, an argument that is
+//! affine in the position, is known beforehand; of other arguments it is known that their values at both ends of a step lie on
+//! two sides. Lattice noise is smooth across its cells, so that its roundings are left out.
 
 use super::Push;
 use super::affine::{AffineForm, AffineForms};
 use crate::ir::{Binary, Filter, Graph, NodeId, Op, Unary};
 use rustc_hash::FxHashSet;
 
-/// Most jumps that are followed: beyond, step control must find them.
+/// Most jumps on planes that are followed, and most on curved surfaces: beyond, step control must find them.
 const LIMIT: usize = 16;
+const CURVED_LIMIT: usize = 8;
+/// Rows of tables that are no features of their data, and the share of its keys within which a table turns so sharply that its
+/// turns are as good as jumps.
+const FEW_ROWS: usize = 64;
+const SHARP: f64 = 1.0 / 64.0;
 
 /// A family of parallel planes.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
@@ -22,16 +28,48 @@ pub struct Jump {
     pub every_whole: bool,
 }
 
+/// A surface where an argument that is not affine changes its sign.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Curved {
+    /// Width 1, tier Sample.
+    pub argument: NodeId,
+    /// Whether the field jumps at every whole value; else at 0 alone.
+    pub every_whole: bool,
+}
+
+/// Where fields jump.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Jumps {
+    /// On planes.
+    pub planes: Vec<Jump>,
+    /// Elsewhere.
+    pub curved: Vec<Curved>,
+}
+
 /// The jumps of what the roots need.
-pub fn jumps(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Vec<Jump> {
+pub fn jumps(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Jumps {
     let live = graph.reachable(roots);
     let smooth = cells_of_noise(graph, &live);
     let ids: Vec<NodeId> = graph.ids().filter(|id| live[id.0 as usize]).collect();
-    let mut out: Vec<Jump> = vec![];
+    let mut out = Jumps::default();
     let mut forms = AffineForms::default();
     let mut add = |graph: &mut Graph, push: Push<'_>, node: NodeId, shift: f64, every_whole: bool| {
-        let Some(AffineForm { gradient: Some(gradient), offset }) = forms.find(graph, push, node) else {
-            return;
+        let (gradient, offset) = match forms.find(graph, push, node) {
+            Some(AffineForm { gradient: Some(gradient), offset }) => (gradient, offset),
+            Some(AffineForm { gradient: None, .. }) => return,
+            None => {
+                let argument = if shift == 0.0 {
+                    node
+                } else {
+                    let shift = graph.scalar(shift);
+                    push(graph, Op::Binary(Binary::Add, node, shift))
+                };
+                let curved = Curved { argument, every_whole };
+                if graph.width(argument) == 1 && out.curved.len() < CURVED_LIMIT && !out.curved.contains(&curved) {
+                    out.curved.push(curved);
+                }
+                return;
+            }
         };
         let offset = if shift == 0.0 {
             offset
@@ -40,8 +78,8 @@ pub fn jumps(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Vec<Jump> {
             push(graph, Op::Binary(Binary::Add, offset, shift))
         };
         let jump = Jump { gradient, offset, every_whole };
-        if out.len() < LIMIT && !out.contains(&jump) {
-            out.push(jump);
+        if out.planes.len() < LIMIT && !out.planes.contains(&jump) {
+            out.planes.push(jump);
         }
     };
     for id in ids {
@@ -77,8 +115,20 @@ pub fn jumps(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Vec<Jump> {
                 let slope = matches!(graph.op(id), Op::LookupSlope { .. });
                 let keys: Option<Vec<f64>> = graph.table(table).keys.iter().map(|k| graph.number(*k)).collect();
                 let keys = keys.unwrap_or_default();
-                for pair in keys.windows(2).filter(|w| slope || w[0] == w[1]) {
-                    let key = graph.scalar(pair[0]);
+                let sharp = match keys.as_slice() {
+                    [first, .., last] if keys.len() <= FEW_ROWS => SHARP * (last - first),
+                    _ => 0.0,
+                };
+                let mut ends: Vec<f64> = vec![];
+                for pair in keys.windows(2).filter(|w| slope || w[1] - w[0] <= sharp) {
+                    ends.push(pair[0]);
+                    if pair[1] > pair[0] && !slope {
+                        ends.push(pair[1]);
+                    }
+                }
+                ends.dedup();
+                for key in ends {
+                    let key = graph.scalar(key);
                     let difference = push(graph, Op::Binary(Binary::Sub, at, key));
                     add(graph, push, difference, 0.0, false);
                 }

@@ -123,6 +123,8 @@ pub struct MediumBounds {
     pub narrow: Vec<Narrow>,
     /// Steps are no longer than twice this anyway, in units of length.
     pub cell: Option<f64>,
+    /// The same, where it is the cell of a noise: what is cut off at a value may leave grains of any size.
+    pub grain: Option<f64>,
 }
 
 /// A scalar field, its gradient, and the bands of its values within which coefficients may rise and fall again.

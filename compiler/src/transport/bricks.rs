@@ -8,7 +8,7 @@ use super::trace::{Medium, Tracer};
 use crate::analysis::feature::feature_length;
 use crate::analysis::narrow::narrow;
 use crate::fields::Code;
-use crate::ir::{Composite, FieldScene, Graph, NodeId, Primitive, PrimitiveKind, Tier};
+use crate::ir::{Composite, FieldScene, Graph, NodeId, Op, Primitive, PrimitiveKind, Tier};
 use crate::passes;
 use crate::program::kernel::{Expr, FunctionId, Math, Prim, Ty};
 use crate::program::{FrameValue, HIDING, Ledger, MediumBounds, Narrow, StepRule};
@@ -22,7 +22,7 @@ impl Scene {
         let varies = |n: Option<NodeId>| n.is_some_and(|n| self.tiers[n.0 as usize] == Tier::Sample);
         for m in &mut self.matter {
             let open = varies(m.extinction) && m.closed.is_none();
-            let glows = m.steps && varies(m.emission) && m.closed.is_none();
+            let glows = m.steps && varies(m.emission);
             let why = match rule {
                 _ if scene.render.composite != Composite::Radiance => "a projection looks at every value along a ray",
                 StepRule::Fixed(_) => "a number of steps is asked for",
@@ -75,13 +75,17 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
         | StepRule::Splats { .. } => narrow(&mut scene.graph, push, &roots),
     };
     let narrow = narrow.into_iter().map(|n| Narrow { argument: n.argument, gradient: n.gradient, bands: n.bands });
+    let cell = feature_length(&scene.graph, &roots);
+    let live = scene.graph.reachable(&roots);
+    let noise = scene.graph.ids().any(|id| live[id.0 as usize] && matches!(scene.graph.op(id), Op::CellHash { .. }));
     MediumBounds {
         medium: m.index,
         extinction: m.extinction,
         emission: m.emission,
         scattering: m.scattering,
         narrow: narrow.collect(),
-        cell: feature_length(&scene.graph, &roots),
+        cell,
+        grain: cell.filter(|_| noise),
     }
 }
 
@@ -232,7 +236,7 @@ impl Tracer<'_> {
     /// size. A bump that is cut off at zero is a parabola: of length ℓ and in a field of cells c and extinction σ it has an optical
     /// depth of about 3 σ ℓ³/c², and must not count against `accuracy`.
     pub(super) fn longest_hiding(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: Expr) -> Option<Expr> {
-        let celled = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].cell.is_some());
+        let celled = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].grain.is_some());
         if !media.iter().any(celled) {
             return None;
         }
@@ -240,7 +244,7 @@ impl Tracer<'_> {
         let accuracy = self.builder.frame(FrameValue::Accuracy);
         let white = self.builder.frame(FrameValue::White);
         Some(self.least_of(code, media, "hiding", &mut |this, code, medium| {
-            let cell = this.scene.bounds[medium.matter.bounds? as usize].cell?;
+            let cell = this.scene.bounds[medium.matter.bounds? as usize].grain?;
             let brick = this.brick(code, medium, &p, &ray.direction)?;
             let most = brick.extinction.max(brick.source / white.clone()).max(1e-30) * cell;
             let share = (accuracy.clone() * HIDING / most).min(1.0).max(HIDING_LEAST);

@@ -34,6 +34,8 @@ pub(super) struct InScattered {
     pub(super) work: Option<u32>,
     /// Field that tells which lights are not behind a surface: 2ⁱ for each.
     pub(super) visible: Option<u32>,
+    /// Whether the function takes the optical depth that the rounding of its place may make.
+    pub(super) unsure: bool,
 }
 
 impl InScattered {
@@ -96,6 +98,8 @@ struct Gathered {
     /// Sum of the even samples less that of the odd ones, of the brightest band.
     alternating: Option<LocalId>,
     error: Option<LocalId>,
+    /// How much optical depth the rounding of the place may make, where that is counted.
+    unsure: Option<Expr>,
     work: Option<LocalId>,
     visible: Option<LocalId>,
 }
@@ -464,11 +468,8 @@ impl Tracer<'_> {
         let mut through = None;
         if let Some(cache) = self.cache.clone() {
             let (depth, off) = self.look_up(code, &cache, p, sample);
-            let t = code.bind("through", Ty::float(dw), (-depth).exp());
-            if let Some(error) = into.error {
-                let off = Expr::F32(1.0).min(off);
-                code.add(error, most.clone() * largest(t.clone(), dw) * off);
-            }
+            let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
+            self.count_unsure(code, into, most, (&depth, &t), Some(off));
             through = Some(widen(t, dw, lw));
         } else if let Some(shadow) = self.shadow.clone() {
             let mut arguments = vec![p.clone(), sample.to.clone(), sample.limit.clone()];
@@ -479,13 +480,12 @@ impl Tracer<'_> {
             }
             let value = code.bind("shade", shadow.result, Expr::Call(shadow.function, arguments));
             let depth = shadow.depth(&value);
-            let t = code.bind("through", Ty::float(dw), (-depth).exp());
-            if let (Some(error), Some(field)) = (into.error, shadow.error) {
-                code.add(error, most.clone() * largest(t.clone(), dw) * value.clone().field(field));
-            }
+            let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
             if let (Some(work), Some(field)) = (into.work, shadow.work) {
-                code.add(work, value.field(field));
+                code.add(work, value.clone().field(field));
             }
+            let off = shadow.error.map(|field| value.clone().field(field));
+            self.count_unsure(code, into, most, (&depth, &t), off);
             through = Some(widen(t, dw, lw));
         }
         let brought = |part: &Expr| match &through {
@@ -501,6 +501,30 @@ impl Tracer<'_> {
         }
     }
 
+    /// Adds to the error what a depth that is off, and that of a place that is rounded, may do to the light that comes through.
+    fn count_unsure(
+        &self,
+        code: &mut Code,
+        into: &Gathered,
+        most: &Expr,
+        (depth, through): (&Expr, &Expr),
+        off: Option<Expr>,
+    ) {
+        let Some(error) = into.error else { return };
+        let Some(off) = into.unsure.clone().into_iter().chain(off).reduce(|a, b| a + b) else { return };
+        let dw = self.scene.depth_width;
+        let off = code.bind("depth_off", Ty::F32, off);
+        code.open();
+        let nearer = (depth.clone() - off.clone().splat(dw)).max(Expr::F32(0.0).splat(dw));
+        let gained = largest((-nearer).exp() - through.clone(), dw);
+        code.add(error, most.clone() * gained.max(0.0));
+        let much = code.close();
+        code.open();
+        code.add(error, most.clone() * largest(through.clone(), dw) * off.clone());
+        let little = code.close();
+        code.push_if_else(off.greater(0.03), much, little);
+    }
+
     fn declare_sums(&self, code: &mut Code, count: usize) -> Gathered {
         let lw = self.scene.light_width;
         let wants_error = self.wants(OutputKind::Error) && !matches!(self.rule, StepRule::Closed);
@@ -512,9 +536,9 @@ impl Tracer<'_> {
             sums,
             alternating: alternating.then(|| code.var("alternating", Ty::F32, 0.0)),
             error: (alternating
-                || (wants_error && self.cache.is_some())
-                || (wants_error && shadow.is_some_and(|s| s.error.is_some())))
+                || (wants_error && (self.cache.is_some() || shadow.is_some_and(|s| s.error.is_some()))))
             .then(|| code.var("error", Ty::F32, 0.0)),
+            unsure: None,
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
             visible: None,
         }
@@ -523,6 +547,7 @@ impl Tracer<'_> {
     /// Returns the sums, with error and work where they are kept.
     fn return_sums(&mut self, mut code: Code, name: &str, gathered: &Gathered, values: Vec<Expr>) -> InScattered {
         let lw = self.scene.light_width;
+        let unsure = gathered.unsure.is_some();
         if let (Some(error), Some(alternating)) = (gathered.error, gathered.alternating) {
             // Half the samples alone would be wrong by about half this difference, all of them by less.
             code.add(error, Expr::Local(alternating).abs() * 0.25);
@@ -538,7 +563,7 @@ impl Tracer<'_> {
             let result = Ty::float(lw);
             code.return_(values.into_iter().next().unwrap_or(Expr::F32(0.0)));
             let function = self.builder.add_function(code.finish(Some(result)));
-            return InScattered { function, result, many, error: None, work: None, visible: None };
+            return InScattered { function, result, many, error: None, work: None, visible: None, unsure };
         }
         let mut fields: Vec<(String, Ty)> = (0..count).map(|i| (format!("light_{i}"), Ty::float(lw))).collect();
         let mut values = values;
@@ -553,7 +578,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct(name, fields);
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        InScattered { function, result, many, error: place[0], work: place[1], visible: place[2] }
+        InScattered { function, result, many, error: place[0], work: place[1], visible: place[2], unsure }
     }
 
     /// Writes `in_scattered`, if some medium scatters light of some light.
@@ -566,6 +591,9 @@ impl Tracer<'_> {
         let p = code.parameter("p", Ty::VEC3);
         let direction = code.parameter("direction", Ty::VEC3);
         let mut gathered = self.declare_sums(&mut code, functions.len());
+        if gathered.error.is_some() && (self.shadow.is_some() || self.cache.is_some()) {
+            gathered.unsure = Some(code.parameter("unsure", Ty::F32));
+        }
         if self.nearest.is_some() && !self.scene.lights.is_empty() && self.rule.accuracy().is_some() {
             gathered.visible = Some(code.var("visible", Ty::F32, 0.0));
         }

@@ -12,7 +12,7 @@ use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
 pub(super) const OPAQUE: f64 = 104.0;
 /// How far rounding moves a sample, relative to its distance from the origins of the scene and of its ray: two units in the last
 /// place of an f32.
-const PLACE: f64 = 1.0 / 4_194_304.0;
+pub(super) const PLACE: f64 = 1.0 / 4_194_304.0;
 /// Share of `accuracy` that step control spends; the rest is left for rounding and early exit.
 const SHARE: f64 = 0.5;
 
@@ -76,6 +76,13 @@ impl Tracer<'_> {
             let seen = match state.depth {
                 Some(depth) => (-least(depth.into(), self.scene.depth_width)).exp(),
                 None => Expr::F32(1.0),
+            };
+            let seen = match &x {
+                Some(x) => {
+                    let mean = self.attenuated(code, x.clone(), self.scene.depth_width);
+                    seen * largest(mean, self.scene.depth_width)
+                }
+                None => seen,
             };
             code.add(error, seen * off * h.clone());
         }
@@ -156,6 +163,7 @@ impl Tracer<'_> {
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
         let jumps = self.jumps(code, ray);
+        let sides = self.sides(code, ray);
         let gap = self.longest_unseen(code, ray, media);
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
@@ -177,7 +185,21 @@ impl Tracer<'_> {
         };
         // The last step takes what is left, so that no sliver remains.
         let last = code.bind("last", Ty::BOOL, (reachable.clone() * 1.001).greater_equal(rest.clone()));
-        let step = code.bind("step", Ty::F32, last.clone().select(rest, reachable));
+        let step = last.clone().select(rest, reachable);
+        let (step, last, crosses) = match &sides {
+            Some(sides) => {
+                let step = code.bind("whole_stride", Ty::F32, step);
+                let cut = code.var("stride", Ty::F32, step.clone());
+                let crosses = self.cut_at_jump(code, ray, sides, &from, cut);
+                // No shorter than places are rounded, on which side they are.
+                let place = largest(ray.origin.clone().abs(), 3) + from.clone().abs();
+                let least = shortest.clone().max(place * PLACE).min(step.clone());
+                let step = code.bind("step", Ty::F32, Expr::Local(cut).max(least));
+                let last = code.bind("last", Ty::BOOL, last.and(!crosses.clone()));
+                (step, last, Some(crosses))
+            }
+            None => (code.bind("step", Ty::F32, step), last, None),
+        };
         let whole = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.5, "mid");
         let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
         let second = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.75, "second");
@@ -237,6 +259,7 @@ impl Tracer<'_> {
                 pending.push((error, off));
             }
         }
+        let thinner = x.clone().zip(x_whole.clone()).map(|(a, b)| a.min(b));
         if let (Some(x), Some(whole), Some(front)) = (&x, x_whole, &front) {
             let noise = x_first.zip(x_second).map(|(a, b)| (b - a).abs() * blur.clone().splat(dw));
             let noise = noise.expect("halves make the whole");
@@ -279,6 +302,14 @@ impl Tracer<'_> {
         }
         if let (Some(error), Some(first), Some(second)) = (state.error, first.source_error, second.source_error) {
             let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
+            // What is deep in a step cannot be seen.
+            let seen = match &thinner {
+                Some(x) => {
+                    let mean = self.attenuated(code, x.clone(), dw);
+                    seen * largest(mean, dw)
+                }
+                None => seen,
+            };
             pending.push((error, seen * (first + second) * half.clone()));
         }
         if let (Some(before), Some(after), Some(first), Some(second)) =
@@ -360,11 +391,9 @@ impl Tracer<'_> {
         let taken = code.close();
         code.push_if(accept.clone(), taken);
         // A step cut short by a jump says nothing against the length it would have had.
-        let wanted = match ahead {
-            Some(jump) => {
-                let cut = accept.and(jump.less(h));
-                cut.select(wanted.clone().max(h), wanted)
-            }
+        let cut = ahead.map(|jump| jump.less(h)).into_iter().chain(crosses).reduce(Expr::or);
+        let wanted = match cut {
+            Some(cut) => accept.and(cut).select(wanted.clone().max(h), wanted),
             None => wanted,
         };
         let next = Expr::math(Math::Clamp, [wanted, shortest, longest]);
@@ -427,7 +456,7 @@ impl Tracer<'_> {
     fn jumps(&mut self, code: &mut Code, ray: &Ray) -> Vec<Crossing> {
         let scene: &super::matter::Scene = self.scene;
         let mut known: Vec<crate::analysis::jumps::Jump> = vec![];
-        for jump in scene.matter.iter().flat_map(|m| &m.jumps) {
+        for jump in scene.matter.iter().flat_map(|m| &m.jumps.planes) {
             if !known.contains(jump) {
                 known.push(*jump);
             }

@@ -5,7 +5,7 @@ use super::shapes::{Region, is_hosted, region};
 use super::sheets::{Sheet, sheets};
 use crate::analysis::closed::{ExponentialTerm, exponential_sum, ratio};
 use crate::analysis::interval::Interval;
-use crate::analysis::jumps::{Jump, jumps};
+use crate::analysis::jumps::{Jumps, jumps};
 use crate::analysis::range::ranges;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{
@@ -57,7 +57,7 @@ pub(super) struct Matter {
     /// Coefficients not known to be finite and ≥ 0.
     pub(super) checks: Vec<Check>,
     /// Planes on which its coefficients jump.
-    pub(super) jumps: Vec<Jump>,
+    pub(super) jumps: Jumps,
     /// What a projection shows of it.
     pub(super) data: Option<Data>,
     /// Its bounds, by number in [`crate::program::Plan::bounds`].
@@ -174,7 +174,7 @@ impl Scene {
                 None => 0,
             };
             let roots: Vec<NodeId> = [extinction, emission].into_iter().flatten().collect();
-            let jumps = if projecting { vec![] } else { jumps(graph, push, &roots) };
+            let jumps = if projecting { Jumps::default() } else { jumps(graph, push, &roots) };
             matter.push((
                 index as u32,
                 medium,

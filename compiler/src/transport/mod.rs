@@ -21,8 +21,9 @@ pub(crate) mod records;
 pub(crate) mod resolve;
 mod sample;
 mod shapes;
-pub(crate) mod slab;
 mod sheets;
+pub(crate) mod slab;
+mod sides;
 mod trace;
 mod tracking;
 

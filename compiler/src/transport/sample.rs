@@ -1,6 +1,7 @@
 //! Evaluates all media at a point of the ray: extinction, and everything that sends light towards the eye from there.
 
 use super::light::InScattered;
+use super::march::PLACE;
 use super::matter::Matter;
 use super::shapes::{FAR, Ray};
 use super::trace::{ComponentIf, Medium, State, Tracer, Walk, largest, widen};
@@ -70,8 +71,7 @@ impl Tracer<'_> {
         let sums = self.media_sums(code, ray, state, media, &t, tag, lights.is_some());
         let (mut source_error, mut visible) = (None, None);
         if let (Some(lights), Some(source)) = (lights, sums.source) {
-            (source_error, visible) =
-                self.add_scattered(code, ray, state, &lights, (&sums.scattering, source), &p, tag);
+            (source_error, visible) = self.add_scattered(code, ray, state, &lights, (&sums, source), &p, tag);
         }
         let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
             var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
@@ -133,11 +133,12 @@ impl Tracer<'_> {
         ray: &Ray,
         state: &State,
         lights: &InScattered,
-        (scattering, source): (&[LocalId], LocalId),
+        (sums, source): (&Sums, LocalId),
         p: &Expr,
         tag: &str,
     ) -> (Option<LocalId>, Option<LocalId>) {
-        let lw = self.source_width();
+        let (dw, lw) = (self.scene.depth_width, self.source_width());
+        let scattering = &sums.scattering;
         let most = scattering.iter().map(|k| largest(Expr::Local(*k), lw)).reduce(Expr::max);
         let most = most.unwrap_or(Expr::F32(0.0));
         let most = code.bind("k_s_most", Ty::F32, most);
@@ -145,7 +146,13 @@ impl Tracer<'_> {
         let error_var = error.map(|_| code.var(&format!("source_error_{tag}"), Ty::F32, 0.0));
         let visible = lights.visible.map(|field| (field, code.var(&format!("visible_{tag}"), Ty::F32, -1.0)));
         code.open();
-        let arguments = vec![p.clone(), ray.direction.clone()];
+        let mut arguments = vec![p.clone(), ray.direction.clone()];
+        if lights.unsure {
+            // How far the place is rounded, in optical depth.
+            let place = largest(p.clone().abs(), 3) + largest(ray.origin.clone().abs(), 3);
+            let dense = sums.extinction.map_or(Expr::F32(0.0), |k| largest(k.into(), dw));
+            arguments.push((dense * (place * PLACE)).min(1e30));
+        }
         let gathered = code.bind("in_scattered", lights.result, Expr::Call(lights.function, arguments));
         for (i, k_s) in scattering.iter().enumerate() {
             code.add(source, Expr::Local(*k_s) * lights.light(&gathered, i));

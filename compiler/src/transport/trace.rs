@@ -130,6 +130,8 @@ pub(crate) struct Tracer<'a> {
     pub(super) transmitted: Option<FunctionId>,
     /// The functions that read bounds of media, by number.
     pub(super) bricks: Vec<(u32, FunctionId)>,
+    /// The function that tells on which side of curved jumps a place lies.
+    pub(super) sides: Option<FieldFunction>,
 }
 
 /// Variables of the function.
@@ -195,6 +197,7 @@ impl<'a> Tracer<'a> {
             random: None,
             transmitted: None,
             bricks: vec![],
+            sides: None,
         }
     }
 }

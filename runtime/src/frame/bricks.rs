@@ -102,7 +102,7 @@ impl Bricks {
         grids: &Grids,
         nothing: Nothing,
     ) -> bool {
-        let Some(cell) = bounds.cell.filter(|_| !nothing.paths) else { return false };
+        let Some(cell) = bounds.grain.filter(|_| !nothing.paths) else { return false };
         let mut value = |node: NodeId| evaluate_frame(&scene.graph, &[node], params, time).remove(0);
         let shape = &scene.media[bounds.medium as usize].shape;
         let (low, high) = bounding_box(shape, &mut value).unwrap_or(([-1e18; 3], [1e18; 3]));

@@ -149,7 +149,7 @@ fn compared(
     let edges = if drawing.edges.is_empty() { vec![false; truth.known.len()] } else { drawing.edges.clone() };
     truth.draw(session, params, time, &edges, (false, until), &|_| {})?;
     let bands = truth.bands;
-    let mut broken = vec![];
+    let (mut broken, mut useful) = (vec![], vec![]);
     for (pixel, drawn) in drawing.picture.radiance().chunks_exact(bands).enumerate() {
         if !truth.known[pixel] || edges[pixel] {
             continue;
@@ -161,6 +161,9 @@ fn compared(
         look.error = look.error.max(measured);
         let own = truth.error[pixel];
         let said = error_of(drawing, pixel);
+        if measured > 4.0 * (own + brightest * f64::from(f32::EPSILON)) {
+            useful.push(said / measured);
+        }
         let allowed = match drawing.error_kind {
             "standard-error" => said.hypot(SIGMAS * own),
             "bound" => said + own,
@@ -171,6 +174,8 @@ fn compared(
             broken.push(Broken { pixel, measured, allowed });
         }
     }
+    useful.sort_by(f64::total_cmp);
+    look.useful = useful.get(useful.len() / 2).copied();
     let few =
         if drawing.error_kind == "standard-error" { (UNLUCKY * f64::from(look.compared)).ceil() as usize } else { 0 };
     if broken.len() <= few {

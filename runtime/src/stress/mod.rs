@@ -24,9 +24,11 @@
 
 mod cases;
 mod files;
+mod invent;
 mod judge;
 
 pub use cases::Case;
+pub use invent::invent;
 
 use crate::engine::gpu::AdapterChoice;
 use crate::frame::{Camera, Cause, Drawing, EngineChoice, Params, SceneFiles, Session, Settings, Trouble};
@@ -94,6 +96,8 @@ pub struct Look {
     pub reported: Option<f64>,
     /// Pixels that differ as edges do, and were granted.
     pub apart: u32,
+    /// Median of the reported over the measured error, over pixels where rounding is not all there is.
+    pub useful: Option<f64>,
 }
 
 /// One case on one engine.
@@ -164,28 +168,37 @@ pub fn stress(
 ) -> Result<Trial, Trouble> {
     let study = Study { name, text, files, request, started: Instant::now() };
     let reference = Way { engine: EngineChoice::Reference, backend: Backend::Raymarch };
-    let plain = Setup::plain("as it is");
-    let (session, params) = study.open(reference, &plain, SIZE)?;
-    let setups = cases::all(&session, &params);
-    let ways = ways(request.engine, request.backend);
-    let mut outcomes: Vec<Outcome> = vec![];
-    let total = (setups.len() * ways.len()) as f64;
-    for (number, way) in ways.iter().enumerate() {
-        // None shall eat what the others need.
-        let until = request.budget * (number + 1) as f64 / ways.len() as f64;
-        let mut run = Run { study: &study, way: *way, size: SIZE, plain: None, gone: None };
-        for (i, setup) in setups.iter().enumerate() {
-            progress(outcomes.len() as f64 / total, &format!("{}: {}", way.name(), setup.case.name));
-            let outcome = run.case(setup, (until - study.spent()) / (setups.len() - i) as f64);
-            each(&outcome);
-            outcomes.push(outcome);
-        }
-    }
-    progress(1.0, "done");
-    Ok(Trial { scene: name.to_owned(), outcomes, spent: study.spent() })
+    let (session, params) = study.open(reference, &Setup::plain("as it is"), SIZE)?;
+    Ok(study.every(&cases::all(&session, &params), progress, each))
+}
+
+/// The same with the scene as it stands alone.
+#[must_use]
+pub fn as_it_is(name: &str, text: &str, files: &dyn SceneFiles, request: &Request) -> Trial {
+    let study = Study { name, text, files, request, started: Instant::now() };
+    study.every(&[Setup::plain("as it is")], &|_, _| {}, &mut |_| {})
 }
 
 impl Study<'_> {
+    fn every(&self, setups: &[Setup], progress: &dyn Fn(f64, &str), each: &mut dyn FnMut(&Outcome)) -> Trial {
+        let ways = ways(self.request.engine, self.request.backend);
+        let mut outcomes: Vec<Outcome> = vec![];
+        let total = (setups.len() * ways.len()) as f64;
+        for (number, way) in ways.iter().enumerate() {
+            // None shall eat what the others need.
+            let until = self.request.budget * (number + 1) as f64 / ways.len() as f64;
+            let mut run = Run { study: self, way: *way, size: SIZE, plain: None, gone: None };
+            for (i, setup) in setups.iter().enumerate() {
+                progress(outcomes.len() as f64 / total, &format!("{}: {}", way.name(), setup.case.name));
+                let outcome = run.case(setup, (until - self.spent()) / (setups.len() - i) as f64);
+                each(&outcome);
+                outcomes.push(outcome);
+            }
+        }
+        progress(1.0, "done");
+        Trial { scene: self.name.to_owned(), outcomes, spent: self.spent() }
+    }
+
     fn spent(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
     }
@@ -333,6 +346,10 @@ impl Run<'_> {
         {
             // No adapter, or a backend that cannot draw this kind of scene: no fault of the scene's.
             self.gone = Some(said.clone());
+            return Verdict::LeftOut(said);
+        }
+        if trouble.diagnostics.iter().any(|d| d.code == "E0656") {
+            // The driver's limit, which is told and drawn nowhere.
             return Verdict::LeftOut(said);
         }
         let allowed = match setup.tolerance {

@@ -5,7 +5,7 @@ use crate::args::{Format, Stress as Arguments};
 use crate::output::{Exit, document, number, progress, say, trouble};
 use compiler::ir::Backend;
 use runtime::frame::{Cause, EngineChoice, FileLoader, Trouble};
-use runtime::stress::{Look, Outcome, Request, Trial, Verdict, stress};
+use runtime::stress::{Look, Outcome, Request, Trial, Verdict, as_it_is, invent, stress};
 use serde_json::{Value, json};
 
 /// Scenes that are carried along to put the program itself on trial, by the name of what is nasty about each.
@@ -33,9 +33,16 @@ pub(super) fn run(format: Format, arguments: &Arguments) -> Result<Exit, Trouble
         backend: arguments.backend.map(|b| b.backend()).filter(|b| *b != Backend::Auto),
         engine: Some(engine).filter(|e| *e != EngineChoice::Auto),
         adapter,
-        budget: arguments.budget,
+        budget: arguments.budget.unwrap_or(if arguments.invent.is_some() { 2.0 } else { 60.0 }),
         seed: arguments.seed,
     };
+    if let Some(number) = arguments.show {
+        say(&invent(number));
+        return Ok(Exit::Done);
+    }
+    if let Some(count) = arguments.invent {
+        return Ok(invented(format, arguments.seed..arguments.seed.saturating_add(count), &loader, &request));
+    }
     let scenes: Vec<(String, String)> = match &arguments.scene {
         Some(name) => vec![(name.clone(), read(&loader, name)?)],
         None => TRIAL.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect(),
@@ -58,10 +65,48 @@ pub(super) fn run(format: Format, arguments: &Arguments) -> Result<Exit, Trouble
         bar.finish_and_clear();
         trials.push(trial?);
     }
+    Ok(finish(format, &trials))
+}
+
+/// Tries invented scenes; those that fail are shown.
+fn invented(format: Format, numbers: std::ops::Range<u64>, loader: &FileLoader, request: &Request) -> Exit {
+    let count = (numbers.end - numbers.start).max(1) as f64;
+    let bar = progress(format, "invented scenes");
+    let mut trials = vec![];
+    for number in numbers.clone() {
+        bar.set_position(((number - numbers.start) as f64 / count * 1000.0) as u64);
+        bar.set_message(number.to_string());
+        let (name, text) = (format!("invented-{number}.vol"), invent(number));
+        let trial = as_it_is(&name, &text, loader, request);
+        if format == Format::Human && trial.counts()[2] > 0 {
+            let failed = trial.outcomes.iter().filter(|o| matches!(o.verdict, Verdict::Failed(_)));
+            let lines: String = failed.map(line).collect();
+            bar.suspend(|| say(&format!("{name}\n{text}{lines}")));
+        }
+        trials.push(trial);
+    }
+    bar.finish_and_clear();
+    finish(format, &trials)
+}
+
+/// The median over pictures of how much larger the reported error is than the measured one.
+fn useful(trials: &[Trial], backend: &str) -> Option<f64> {
+    let outcomes = trials.iter().flat_map(|t| &t.outcomes).filter(|o| o.backend.unwrap_or(o.engine) == backend);
+    let mut all: Vec<f64> = outcomes.filter_map(|o| o.look?.useful).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied()
+}
+
+fn finish(format: Format, trials: &[Trial]) -> Exit {
     let sum = |i: usize| trials.iter().map(|t| t.counts()[i]).sum::<usize>();
     let [passed, refused, failed, left_out] = [0, 1, 2, 3].map(sum);
     match format {
         Format::Human => {
+            for backend in ["raymarch", "slicing", "splatting", "cpu"] {
+                if let Some(ratio) = useful(trials, backend) {
+                    say(&format!("{backend}: reported over measured error, median of pictures: {ratio:.1}\n"));
+                }
+            }
             say(&format!(
                 "{passed} passed, {refused} refused as they should be, {failed} failed, {left_out} left out\n"
             ));
@@ -78,7 +123,7 @@ pub(super) fn run(format: Format, arguments: &Arguments) -> Result<Exit, Trouble
             }),
         ),
     }
-    Ok(if failed == 0 { Exit::Done } else { Exit::Input })
+    if failed == 0 { Exit::Done } else { Exit::Input }
 }
 
 fn verdict(outcome: &Outcome) -> (&'static str, Vec<&str>) {
@@ -143,6 +188,7 @@ fn case(outcome: &Outcome) -> Value {
             "error_lx": number(look.error),
             "reported_lx": look.reported.map(number),
             "apart": look.apart,
+            "reported_over_measured": look.useful.map(number),
         })),
         "milliseconds": outcome.milliseconds,
     })

@@ -71,6 +71,7 @@ use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
 use compiler::ir::{Composite, FieldScene, NodeId, Scattering, Shape};
 use field::{Fields, Ray};
+pub(crate) use paths::Random;
 use splats::World;
 use splats::view::Projected;
 use std::sync::Arc;

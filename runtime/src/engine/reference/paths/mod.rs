@@ -21,7 +21,7 @@ use super::trace::{BANDS, PerBand, Worker};
 use super::{ErrorKind, Options, RayResult};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::eval::Voxels;
-use random::Random;
+pub(crate) use random::Random;
 use walk::Walk;
 
 /// Batches of every estimate.

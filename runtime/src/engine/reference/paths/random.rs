@@ -2,7 +2,7 @@
 
 /// SplitMix64 (Steele, Lea and Flood 2014): a counter and a mixer of 64 bits.
 #[derive(Clone, Debug)]
-pub(super) struct Random(u64);
+pub(crate) struct Random(u64);
 
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
@@ -14,23 +14,23 @@ fn mixed(mut z: u64) -> u64 {
 
 impl Random {
     /// The stream of one sample; `key` tells rays apart.
-    pub(super) fn new(seed: u64, key: u64, sample: u64) -> Self {
+    pub(crate) fn new(seed: u64, key: u64, sample: u64) -> Self {
         Self(mixed(mixed(mixed(seed ^ STEP).wrapping_add(key)).wrapping_add(sample.wrapping_mul(STEP))))
     }
 
     /// Mixes numbers into a key.
-    pub(super) fn key(numbers: impl IntoIterator<Item = f64>) -> u64 {
+    pub(crate) fn key(numbers: impl IntoIterator<Item = f64>) -> u64 {
         numbers.into_iter().fold(STEP, |key, x| mixed(key.wrapping_add(x.to_bits()).wrapping_add(STEP)))
     }
 
     /// Uniform in (0, 1), never at its ends.
-    pub(super) fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(STEP);
         ((mixed(self.0) >> 12) as f64 + 0.5) * 2f64.powi(-52)
     }
 
     /// Exponential with mean 1.
-    pub(super) fn depth(&mut self) -> f64 {
+    pub(crate) fn depth(&mut self) -> f64 {
         -self.unit().ln()
     }
 }
