@@ -58,7 +58,7 @@ fn pictures_of_paths_agree_pixel_by_pixel() {
         // batches are not normally distributed: what brightens a table is rare.
         let (size, samples) = match name(&path) {
             "cumulus" => ([14, 9], 256),
-            _ => ([20, 20], 1024),
+            _ => ([12, 12], 1024),
         };
         let options = Options { samples: Some(samples), ..Options::probe() };
         let answers = [EngineChoice::Gpu, EngineChoice::Reference].map(|engine| {

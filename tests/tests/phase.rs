@@ -5,7 +5,7 @@
 
 use compiler::diagnostic::{Diagnostics, render};
 use compiler::ir::FieldScene;
-use compiler::ir::eval::{Environment, LANES, NoVoxels, Tables, Tape, phase_facts_at};
+use compiler::ir::eval::{Environment, LANES, NoVoxels, Tables, Tape, phase_draws, phase_facts_at};
 use compiler::loader::NoFiles;
 use compiler::lower::lower_scaled;
 use std::f64::consts::PI;
@@ -139,6 +139,85 @@ fn the_library_is_normalised_positive_and_as_forward_as_it_says() {
         assert!((facts.integral[0] - 1.0).abs() < 1e-6, "{text}: {facts:?}");
         assert!((facts.moment[0] - mean).abs() < 1e-6, "{text}: {facts:?}");
         assert!(facts.least.0 > 0.0 && facts.most >= at(1.0).max(at(-1.0)) * 0.999, "{text}: {facts:?}");
+    }
+}
+
+/// Directions as the GPU draws them, evenly within rings, and weighted by the phase function over the density: χ² of their
+/// histogram over 32 parts of the sphere that get equal shares of the light, by an integration of its own.
+#[test]
+fn directions_are_drawn_as_phase_functions_scatter() {
+    let mut cases: Vec<String> = library().into_iter().map(|c| c.0).collect();
+    cases.push("mie(radius: 2 um, index: 1.333)".into());
+    cases.push("mix(henyey_greenstein(g: 0.9), henyey_greenstein(g: -0.6), 0.3)".into());
+    for text in cases {
+        let scene = lowered("", &text, &[]);
+        let Some(node) = scene.media[0].phase else { continue };
+        let tables = Tables::evaluate(&scene.graph, &[], 0.0);
+        let environment = Environment { tables: &tables, ..Environment::default() };
+        let rings = phase_draws(&scene.graph, node, &environment);
+        let tape = Tape::new(&scene.graph, &[node]);
+        let mut scratch = tape.scratch();
+        let mut at = |mu: f64| {
+            let environment = Environment { cos_theta: [mu; LANES], ..environment.clone() };
+            tape.run(&environment, &NoVoxels, &mut scratch);
+            let width = tape.width(0);
+            (0..width).map(|b| tape.component(&scratch, 0, b)[0]).sum::<f64>() / width as f64
+        };
+        // Light from straight on backwards, on a grid that is fine at both ends, by the trapezoid rule. Signed: 1 − μ forward, and
+        // minus 1 + μ backward, which keeps the digits.
+        let (steps, range) = (8000, 34.0);
+        let ladder = |i: i32| if i == steps { 0.0 } else { (-range * f64::from(i) / f64::from(steps)).exp() };
+        let mut grid: Vec<f64> = (0..=steps).rev().map(ladder).collect();
+        grid.extend((0..=steps).map(|i| -ladder(i)));
+        let mu = |g: f64| if g > 0.0 { 1.0 - g } else { -1.0 - g };
+        let (mut below, mut sum, mut last) = (vec![0.0], 0.0, at(1.0));
+        for pair in grid.windows(2) {
+            let now = at(if pair[1] == 0.0 { -1.0 } else { mu(pair[1]) });
+            // From 1 to −1, both of which stand for μ = 0, is no way.
+            let way = if pair[0] > 0.0 && pair[1] < 0.0 { 0.0 } else { pair[0].max(pair[1]) - pair[0].min(pair[1]) };
+            sum += way * PI * (last + now);
+            (last, _) = (now, below.push(sum));
+        }
+        assert!((sum - 1.0).abs() < 1e-3, "{text}: {sum}");
+        // Where a direction lies, from straight on (0) to straight back (grid.len() − 1).
+        let part = |versine: f64, vercosine: f64| {
+            let signed = if versine <= 1.0 { versine } else { -vercosine };
+            let i = if versine <= 1.0 {
+                grid[..=steps as usize].partition_point(|g| *g < signed)
+            } else {
+                steps as usize + 1 + grid[steps as usize + 1..].partition_point(|g| *g < signed)
+            };
+            let i = i.clamp(1, grid.len() - 1);
+            let share = ((signed - grid[i - 1]) / (grid[i] - grid[i - 1])).clamp(0.0, 1.0);
+            ((below[i - 1] + share * (below[i] - below[i - 1])) / sum * 32.0).min(31.0) as usize
+        };
+        let draws = 32_000;
+        let mut sums = [(0.0f64, 0.0f64); 32];
+        let mut state = 1u64;
+        let mut largest = 0.0f64;
+        for _ in 0..draws {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let u = (state >> 11) as f64 / (1u64 << 53) as f64;
+            let i = rings.partition_point(|r| r.share <= u).clamp(1, rings.len() - 1);
+            let (a, b) = (&rings[i - 1], &rings[i]);
+            let t = (u - a.share) / (b.share - a.share);
+            let versine = a.versine + t * (b.versine - a.versine);
+            let vercosine = a.vercosine + t * (b.vercosine - a.vercosine);
+            let forward = versine < vercosine;
+            let height = if forward { b.versine - a.versine } else { a.vercosine - b.vercosine };
+            let density = (b.share - a.share) / (2.0 * PI * height);
+            let weight = at(if forward { 1.0 - versine } else { vercosine - 1.0 }) / density;
+            largest = largest.max(weight);
+            let sum = &mut sums[part(versine, vercosine)];
+            *sum = (sum.0 + weight, sum.1 + weight * weight);
+        }
+        // Rings are so narrow that no direction counts much more than another.
+        assert!(largest < 1.25, "{text}: a direction weighs {largest}");
+        let expected = f64::from(draws) / 32.0;
+        let variance = |squares: f64| squares - expected * expected / f64::from(draws);
+        let chi: f64 = sums.iter().map(|(s, squares)| (s - expected).powi(2) / variance(*squares)).sum();
+        // 32 degrees of freedom: above 80 for one function in 170 000, and there are a hundred.
+        assert!(chi < 80.0, "{text}: {chi} of {sums:?}");
     }
 }
 

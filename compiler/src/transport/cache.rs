@@ -63,11 +63,11 @@ impl Tracer<'_> {
 
     /// Direction number `index` of the sky: a Fibonacci lattice on the sphere.
     pub(super) fn sky_direction(code: &mut Code, index: &Expr) -> Expr {
-        let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - (index.clone() + 0.5) * (2.0 / f64::from(SKY)));
+        let versine = code.bind("versine", Ty::F32, (index.clone() + 0.5) * (2.0 / f64::from(SKY)));
         let turns = Self::fract(code, index.clone() * super::light::GOLDEN);
         let up = code.bind("up", Ty::VEC3, Expr::Compose(Ty::VEC3, [0.0, 1.0, 0.0].map(Expr::F32).into()));
         let frame = Self::across(code, &up);
-        Self::around(code, &up, &frame, &mu, turns)
+        Self::around(code, &up, &frame, (&versine, &(Expr::F32(2.0) - versine.clone())), turns)
     }
 
     fn corner(&mut self) -> (Expr, Expr) {

@@ -128,19 +128,22 @@ impl Tracer<'_> {
         (code.bind("u", Ty::VEC3, u), code.bind("v", Ty::VEC3, v))
     }
 
-    /// The direction at an angle of cosine `mu` from an axis, `turns` around it.
-    pub(super) fn around(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), mu: &Expr, turns: Expr) -> Expr {
-        let rest = (Expr::F32(1.0) - mu.clone() * mu.clone()).max(0.0).sqrt();
-        let rest = code.bind("sine", Ty::F32, rest);
-        Self::beside(code, axis, frame, (mu, &rest), turns)
-    }
-
-    /// The same, given the cosine and the sine.
-    fn beside(code: &mut Code, axis: &Expr, frame: &(Expr, Expr), (mu, sine): (&Expr, &Expr), turns: Expr) -> Expr {
+    /// The direction at an angle from an axis, `turns` around it. The versine and vercosine are 1 − cos and 1 + cos of the angle:
+    /// in f32 the cosine of a small angle does not say what its sine is.
+    pub(super) fn around(
+        code: &mut Code,
+        axis: &Expr,
+        frame: &(Expr, Expr),
+        (versine, vercosine): (&Expr, &Expr),
+        turns: Expr,
+    ) -> Expr {
         let angle = code.bind("azimuth", Ty::F32, turns * (2.0 * PI));
-        let side = frame.0.clone() * (sine.clone() * Expr::math(Math::Cos, [angle.clone()])).splat(3);
-        let other = frame.1.clone() * (sine.clone() * Expr::math(Math::Sin, [angle])).splat(3);
-        let to = axis.clone() * mu.clone().splat(3) + side + other;
+        let rest = (versine.clone() * vercosine.clone()).max(0.0).sqrt();
+        let rest = code.bind("sine", Ty::F32, rest);
+        let mu = code.bind("cosine", Ty::F32, (vercosine.clone() - versine.clone()) * 0.5);
+        let side = frame.0.clone() * (rest.clone() * Expr::math(Math::Cos, [angle.clone()])).splat(3);
+        let other = frame.1.clone() * (rest * Expr::math(Math::Sin, [angle])).splat(3);
+        let to = axis.clone() * mu.splat(3) + side + other;
         code.bind("to", Ty::VEC3, Expr::math(Math::Normalize, [to]))
     }
 
@@ -254,10 +257,10 @@ impl Tracer<'_> {
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
-        let mu = Expr::F32(1.0) - cap * ((Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
-        let mu = code.bind("mu", Ty::F32, mu);
+        let versine = cap * ((Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
+        let versine = code.bind("versine", Ty::F32, versine);
         let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
-        let sample = Self::around(code, to, &frame, &mu, turns);
+        let sample = Self::around(code, to, &frame, (&versine, &(Expr::F32(2.0) - versine.clone())), turns);
         each(
             self,
             code,
@@ -290,9 +293,9 @@ impl Tracer<'_> {
         let (cap, e) = Self::cap(code, irradiance, radius, 1, lw);
         let frame = Self::across(code, to);
         let u = random.draw(code, rng);
-        let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - cap * u);
+        let versine = code.bind("versine", Ty::F32, cap * u);
         let turns = random.draw(code, rng);
-        let sample = Self::around(code, to, &frame, &mu, turns);
+        let sample = Self::around(code, to, &frame, (&versine, &(Expr::F32(2.0) - versine.clone())), turns);
         each(
             self,
             code,
@@ -329,15 +332,16 @@ impl Tracer<'_> {
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
-        // The cosine from the axis, and the solid angle that the sample stands for.
-        let (mu, sine, solid) = match receiver {
+        // 1 − cos and 1 + cos of the angle from the axis, and the solid angle that the sample stands for.
+        let of_cosine = |mu: Expr| (Expr::F32(1.0) - mu.clone(), Expr::F32(1.0) + mu);
+        let (turn, solid) = match receiver {
             Receiver::Surface { .. } | Receiver::Path { .. } | Receiver::Sharp => {
                 let mu = code.bind("mu", Ty::F32, (Expr::F32(1.0) - u).max(0.0).sqrt());
-                (mu.clone(), None, Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
+                (of_cosine(mu.clone()), Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
             }
             Receiver::Medium { narrow: None, .. } => {
                 let mu = code.bind("mu", Ty::F32, Expr::F32(1.0) - u * 2.0);
-                (mu, None, Expr::F32(4.0 * PI / f64::from(count)))
+                (of_cosine(mu), Expr::F32(4.0 * PI / f64::from(count)))
             }
             Receiver::Medium { narrow: Some(g), .. } => {
                 // Henyey and Greenstein's lobe, whose distribution has a closed inverse. A narrow one lies where cosines
@@ -349,19 +353,15 @@ impl Tracer<'_> {
                 let short = (Expr::F32(1.0) - u) * (s.clone() + least) * least / spread;
                 let short = Expr::math(Math::Clamp, [short, 0.0.into(), 2.0.into()]);
                 let short = code.bind("short", Ty::F32, short);
-                let sine = (short.clone() * (Expr::F32(2.0) - short.clone())).max(0.0).sqrt();
-                let mu = (Expr::F32(1.0) - short) * g.signum();
+                let long = Expr::F32(2.0) - short.clone();
                 // s² = 1 + g² − 2gμ.
                 let density = Expr::F32(least * (1.0 + size) / (4.0 * PI)) / (s.clone() * s.clone() * s);
                 let solid = Expr::F32(1.0 / f64::from(count)) / density;
-                (code.bind("mu", Ty::F32, mu), Some(code.bind("sine", Ty::F32, sine)), solid)
+                (if *g < 0.0 { (long, short) } else { (short, long) }, solid)
             }
         };
         let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
-        let to = match &sine {
-            Some(sine) => Self::beside(code, &axis, &frame, (&mu, sine), turns),
-            None => Self::around(code, &axis, &frame, &mu, turns),
-        };
+        let to = Self::around(code, &axis, &frame, (&turn.0, &turn.1), turns);
         let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
         let e = code.bind("irradiance", Ty::float(lw), e);
@@ -606,7 +606,7 @@ impl Tracer<'_> {
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
             let each = functions.iter().enumerate();
             let weights: Vec<Expr> =
-                each.map(|(i, f)| this.phase_value(code, f.as_ref(), i, &p, &sample.to, &direction)).collect();
+                each.map(|(i, f)| this.phase_value(code, f.as_ref(), i, &p, (&sample.to, None), &direction)).collect();
             this.gather(code, &p, sample, &weights, &gathered);
         });
         if self.scene.lights.is_empty() {

@@ -16,8 +16,6 @@ use crate::passes::{self, is_zero};
 use crate::program::{Ledger, MediumBounds};
 use crate::source::Span;
 
-/// Rows of a table from which paths draw directions.
-const QUANTILES: usize = 256;
 /// Most terms of a closed form: beyond, a loop over steps is no slower.
 const TERMS: usize = 8;
 
@@ -72,8 +70,8 @@ pub(super) struct Phase {
     pub(super) node: Option<NodeId>,
     /// At the params' defaults, averaged over the bands.
     pub(super) mean_cosine: f64,
-    /// For paths: cosines by the share of the light that is sent below them.
-    pub(super) quantiles: Option<TableId>,
+    /// For paths: 1 − cos and 1 + cos of the angle by the share of the directions that are drawn below it.
+    pub(super) draws: Option<TableId>,
 }
 
 /// All that the kernel needs to know about the scene.
@@ -336,15 +334,15 @@ fn phase_of(
         let mean = facts.moment.iter().sum::<f64>() / facts.integral.iter().sum::<f64>();
         if mean.is_finite() { mean.clamp(-1.0, 1.0) } else { 0.0 }
     });
-    let quantiles = node.filter(|_| paths).map(|n| {
+    let draws = node.filter(|_| paths).map(|n| {
         let tables = eval::Tables::evaluate(graph, defaults, 0.0);
         let environment = eval::Environment { params: defaults, tables: &tables, ..eval::Environment::default() };
-        let cosines = eval::phase_quantiles(graph, n, &environment, QUANTILES);
-        let keys = (0..=QUANTILES).map(|i| graph.scalar(i as f64 / QUANTILES as f64)).collect();
-        let values = cosines.into_iter().map(|c| graph.scalar(c)).collect();
+        let parts = eval::phase_draws(graph, n, &environment);
+        let keys = parts.iter().map(|p| graph.scalar(p.share)).collect();
+        let values = parts.iter().map(|p| graph.vector(&[p.versine, p.vercosine])).collect();
         let name = format!("{}_directions", medium.name);
-        graph.add_table(Table { name, span: medium.span, keys, values, width: 1 })
+        graph.add_table(Table { name, span: medium.span, keys, values, width: 2 })
     });
-    phases.push(Phase { name: medium.name.clone(), node, mean_cosine, quantiles });
+    phases.push(Phase { name: medium.name.clone(), node, mean_cosine, draws });
     phases.len() - 1
 }

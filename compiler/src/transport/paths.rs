@@ -492,31 +492,32 @@ impl Tracer<'_> {
         Some(self.builder.add_function(code.finish(Some(Ty::float(dw)))))
     }
 
-    /// What each phase function scatters from the direction to the light into the path, and what is drawn for it.
+    /// What a phase function scatters from the direction to the light into the path. Where the angle between them was drawn, its
+    /// versine and vercosine come along: the directions themselves are too coarse for the narrowest lobes.
     pub(super) fn phase_value(
         &mut self,
         code: &mut Code,
         function: Option<&PhaseFunction>,
         index: usize,
         p: &Expr,
-        to: &Expr,
+        (to, drawn): (&Expr, Option<&(Expr, Expr)>),
         direction: &Expr,
     ) -> Expr {
         let lw = self.scene.light_width;
         let Some(function) = function else { return Expr::F32(0.25 / PI).splat(lw) };
-        let arguments = self.phase_arguments(code, function, p, to, direction);
+        let arguments = self.phase_arguments(code, function, p, (to, drawn), direction);
         let width = self.scene.phases[index].node.map_or(1, |n| self.graph.width(n));
         let value = Expr::Call(function.id, arguments).max(Expr::F32(0.0).splat(width));
         widen(code.bind("phase", Ty::float(width), value), width, lw)
     }
 
     /// The arguments of a phase function at a point, for light that comes from `to` and goes on against `direction`.
-    pub(super) fn phase_arguments(
+    fn phase_arguments(
         &mut self,
         code: &mut Code,
         function: &PhaseFunction,
         p: &Expr,
-        to: &Expr,
+        (to, drawn): (&Expr, Option<&(Expr, Expr)>),
         direction: &Expr,
     ) -> Vec<Expr> {
         let half_square = |v: Expr| {
@@ -529,11 +530,12 @@ impl Tracer<'_> {
                 Input::Position => p.clone(),
                 // Light travels from the light to the point.
                 Input::Direction => -to.clone(),
-                Input::CosTheta => {
-                    Expr::math(Math::Clamp, [to.clone().dot(direction.clone()), (-1.0).into(), 1.0.into()])
-                }
-                Input::Versine => half_square(to.clone() - direction.clone()),
-                Input::Vercosine => half_square(to.clone() + direction.clone()),
+                Input::CosTheta => match drawn {
+                    Some((versine, vercosine)) => (vercosine.clone() - versine.clone()) * 0.5,
+                    None => Expr::math(Math::Clamp, [to.clone().dot(direction.clone()), (-1.0).into(), 1.0.into()]),
+                },
+                Input::Versine => drawn.map_or_else(|| half_square(to.clone() - direction.clone()), |d| d.0.clone()),
+                Input::Vercosine => drawn.map_or_else(|| half_square(to.clone() + direction.clone()), |d| d.1.clone()),
                 // Time is a uniform.
                 Input::Time => continue,
                 Input::Altitude(shell) => {
@@ -646,7 +648,7 @@ impl Tracer<'_> {
         code.set(flight.density, Expr::Local(flight.density) * density / mean.clone().splat(dw));
         let scattered = Expr::Local(chosen) / mean.splat(lw);
         code.set(flight.weight, Expr::Local(flight.weight) * scattered);
-        let value = |this: &mut Self, code: &mut Code, to: &Expr| {
+        let value = |this: &mut Self, code: &mut Code, to: (&Expr, Option<&(Expr, Expr)>)| {
             if phases.len() == 1 {
                 return this.phase_value(code, phases[0].as_ref(), 0, &p, to, &ray.direction);
             }
@@ -660,27 +662,35 @@ impl Tracer<'_> {
             }
             code.bind("phase_here", Ty::float(lw), out)
         };
-        self.next_event(code, &p, flight, light, &mut |this, code, sample| value(this, code, &sample.to));
-        // A direction by the quantiles of the phase function; what they lack in detail, the weight makes up for.
+        self.next_event(code, &p, flight, light, &mut |this, code, sample| value(this, code, (&sample.to, None)));
+        // A direction by the parts into which the phase function divides the sphere; what they lack in detail, the weight makes
+        // up for.
         let u = random.draw(code, flight.rng);
-        let mu = code.var("mu", Ty::F32, u.clone() * 2.0 - 1.0);
+        let versine = code.var("drawn_versine", Ty::F32, u.clone() * 2.0);
+        let vercosine = code.var("drawn_vercosine", Ty::F32, Expr::F32(2.0) - u.clone() * 2.0);
         let density = code.var("pdf", Ty::F32, 0.25 / PI);
         for (i, phase) in self.scene.phases.iter().enumerate() {
-            let Some(table) = phase.quantiles else { continue };
+            let Some(table) = phase.draws else { continue };
             code.open();
-            let cosine = self.builder.call(self.graph, Helper::Lookup(table), [u.clone()]);
-            code.set(mu, Expr::math(Math::Clamp, [cosine, (-1.0).into(), 1.0.into()]));
+            let turn = self.builder.call(self.graph, Helper::Lookup(table), [u.clone()]);
+            let turn = code.bind("turn", Ty::float(2), turn);
+            code.set(versine, turn.clone().component(0));
+            code.set(vercosine, turn.clone().component(1));
             let slope = self.builder.call(self.graph, Helper::LookupSlope(table), [u.clone()]);
-            code.set(density, Expr::F32(0.5 / PI) / slope.max(1e-12));
+            let slope = code.bind("slope", Ty::float(2), slope);
+            // The smaller of the two has all of its digits.
+            let forward = turn.clone().component(0).less(turn.component(1));
+            let slope = forward.select(slope.clone().component(0), -slope.component(1));
+            code.set(density, Expr::F32(0.5 / PI) / slope.max(1e-30));
             let body = code.close();
             code.push_if(Expr::Local(which).equal(i as u32), body);
         }
         let frame = Self::across(code, &ray.direction);
         let turns = random.draw(code, flight.rng);
-        let mu = code.bind("cosine", Ty::F32, mu);
+        let drawn = (code.bind("versine", Ty::F32, versine), code.bind("vercosine", Ty::F32, vercosine));
         let density = code.bind("chance_of_direction", Ty::F32, density);
-        let to = Self::around(code, &ray.direction, &frame, &mu, turns);
-        let phase = value(self, code, &to);
+        let to = Self::around(code, &ray.direction, &frame, (&drawn.0, &drawn.1), turns);
+        let phase = value(self, code, (&to, Some(&drawn)));
         code.set(flight.weight, Expr::Local(flight.weight) * phase / density.splat(lw));
         code.set(origin, p.clone());
         code.set(direction, to);
@@ -742,7 +752,8 @@ impl Tracer<'_> {
         let u = random.draw(code, flight.rng);
         let mu = code.bind("mu", Ty::F32, u.sqrt());
         let turns = random.draw(code, flight.rng);
-        let to = Self::around(code, &normal, &frame, &mu, turns);
+        let (versine, vercosine) = (Expr::F32(1.0) - mu.clone(), Expr::F32(1.0) + mu);
+        let to = Self::around(code, &normal, &frame, (&versine, &vercosine), turns);
         code.set(origin, above);
         code.set(direction, to);
         code.set(begin, 0.0);

@@ -285,8 +285,11 @@ fn path_camera_entry(
 fn path_list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
     let mut code = Code::new("probe", None);
     let index = records::listed(builder, &mut code);
+    // Long lists are followed in parts: each ray's random numbers go by its place in the whole.
+    let number = builder.frame(FrameValue::TileOrigin).component(0) + index.clone();
+    let number = code.bind("ray_number", Ty::U32, number);
     let values =
-        path_loop(builder, &mut code, traced, index.clone(), &mut |builder, code, _| rays::list(builder, code, &index));
+        path_loop(builder, &mut code, traced, number, &mut |builder, code, _| rays::list(builder, code, &index));
     store(builder, &mut code, &widths(traced), &values, &index, stride);
     code.finish(None)
 }

@@ -1,12 +1,14 @@
 //! Evaluation in f64 on the CPU: the definition that every other evaluator is tested against.
 
+mod draws;
 mod grid;
 pub mod mie;
 mod sphere;
 mod tape;
 
+pub use draws::{Part, phase_draws};
 pub use grid::{interpolate, interpolate_gradient};
-pub use sphere::{PhaseFacts, PhasePlace, phase_facts, phase_facts_at, phase_facts_in, phase_quantiles};
+pub use sphere::{PhaseFacts, PhasePlace, phase_facts, phase_facts_at, phase_facts_in};
 pub use tape::{Environment, LANES, Lanes, Scratch, Tape};
 
 use super::{Binary, Compare, Graph, GridId, NodeId, TableId, Unary};

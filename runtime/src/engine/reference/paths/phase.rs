@@ -41,7 +41,7 @@ impl PhaseTable {
         bands: usize,
         mut values: impl FnMut(&Nodes) -> Result<[Nodes; BANDS], Diagnostic>,
     ) -> Result<Option<Self>, Diagnostic> {
-        let edges = if fine { edges(44, 30, 8) } else { edges(20, 12, 3) };
+        let edges = if fine { edges(44, 44, 8) } else { edges(20, 12, 3) };
         let bins = edges.len() - 1;
         let mut mass = vec![0.0; bins];
         let mut mean = |cosines: &Nodes| -> Result<Nodes, Diagnostic> {
@@ -96,7 +96,15 @@ mod tests {
 
     #[test]
     fn draws_follow_the_function() {
-        for (g, fine) in [(0.0, true), (0.9, true), (0.9, false), (-0.6, true), (0.9999, true)] {
+        for (g, fine) in [
+            (0.0, true),
+            (0.9, true),
+            (0.9, false),
+            (-0.6, true),
+            (0.9999, true),
+            (-0.999_999, true),
+            (0.999_999, true),
+        ] {
             let hg = |c: f64| (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * c).powf(1.5));
             let table = PhaseTable::new(fine, 1, |c| Ok([c.map(hg); BANDS])).unwrap().unwrap();
             let mut random = Random::new(1, 2, 3);
