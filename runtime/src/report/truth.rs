@@ -221,7 +221,7 @@ impl Truth {
         order.sort_by_key(|i| (edges[*i], splitmix(&mut (*i as u64))));
         let plain = order.iter().filter(|i| !edges[**i]).count();
         order.truncate(if with_edges { order.len() } else { plain });
-        let (mut at, mut chunk) = (0, 4);
+        let (mut at, mut chunk) = (0, 2);
         while at < order.len() && (at == 0 || Instant::now() < until) {
             let end = (at + chunk).min(if at < plain { plain } else { order.len() });
             let numbers = &order[at..end];
@@ -237,7 +237,7 @@ impl Truth {
             self.facts.evaluations += found.evaluations;
             at = end;
             let speed = before.elapsed().as_secs_f64() / numbers.len() as f64;
-            chunk = ((BREATH / speed.max(1e-9)) as usize).clamp(4, 4096);
+            chunk = ((BREATH / speed.max(1e-9)) as usize).clamp(2, 4096);
             progress(at as f64 / order.len() as f64);
         }
         let off_edges = || (0..self.known.len()).filter(|i| self.known[*i] && !edges[*i]).map(|i| self.error[i]);

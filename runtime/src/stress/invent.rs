@@ -81,8 +81,9 @@ impl Inventor {
         if self.chance(0.2) {
             self.scale = self.power(-6.0, 6.0);
         }
-        let media = 1 + self.one_of(8) / 5 + self.one_of(8) / 7;
         let lit = self.chance(0.25);
+        // Light in several media with noise takes some drivers ten seconds to compile.
+        let media = if lit { 1 } else { 1 + self.one_of(8) / 5 + self.one_of(8) / 7 };
         let mut text = String::new();
         for i in 0..media {
             let medium = self.medium(i, lit);
@@ -121,7 +122,7 @@ impl Inventor {
 
     fn medium(&mut self, number: usize, lit: bool) -> String {
         let shape = self.shape(0);
-        let field = self.field(number);
+        let field = self.field(number, lit);
         // Mostly as dense as is worth looking at; now and then as no picture has it.
         let depth = if self.chance(0.15) { self.power(-30.0, 30.0) } else { self.power(-2.0, 2.0) };
         let k = depth / (self.scale * field.most * field.share);
@@ -190,12 +191,13 @@ impl Inventor {
         }
     }
 
-    fn field(&mut self, number: usize) -> Field {
+    fn field(&mut self, number: usize, lit: bool) -> Field {
         let axis = ["x", "y", "z"][self.one_of(3)];
         let unit = self.length(1.0);
         let at = self.between(-0.5, 0.5);
         let cell = self.power(-1.0, 0.0);
-        match self.one_of(13) {
+        let kind = self.one_of(13);
+        match if lit && (6..=7).contains(&kind) { 0 } else { kind } {
             0..=2 => Field { text: "1".into(), most: 1.0, share: 1.0 },
             3 => {
                 let slope = self.between(-1.0, 1.0);
@@ -263,13 +265,14 @@ impl Inventor {
 
     fn light(&mut self) -> String {
         let strength = self.between(0.5, 5.0);
-        match self.one_of(3) {
-            0 => {
+        // A sky is what the reference takes longest for.
+        match self.one_of(12) {
+            0..=5 => {
                 let [x, y, z] = self.somewhere(1.0);
                 let y = -y.abs() - 0.1;
                 format!("light sun {{ direction = ({x:.4}, {y:.4}, {z:.4})  irradiance = {strength:.3} lx }}\n")
             }
-            1 => {
+            6..=10 => {
                 let at = self.somewhere(2.0);
                 format!(
                     "light lamp {{ position = {}  intensity = {:.7e} lx * m^2  radius = {} }}\n",

@@ -116,7 +116,8 @@ fn vary(h: f64, (s, j, unknown): (&Nodes, &Nodes, f64), (c, emitted): (&Nodes, &
             high = f64::INFINITY;
         }
     }
-    if high - low <= 16.0 * f64::EPSILON * high {
+    // (Where extinction vanishes before emission does, the source function has no end.)
+    if high.is_finite() && high - low <= 16.0 * f64::EPSILON * high {
         // Emission proportional to extinction: only the total depth matters.
         let radiance = high * opacity;
         let radiance_error = high * (-tau).exp() * tau_error + noise * radiance;
@@ -157,6 +158,17 @@ mod tests {
 
     fn nodes(f: impl Fn(f64) -> f64) -> Nodes {
         RULE.x.map(f)
+    }
+
+    #[test]
+    fn extinction_that_vanishes_before_emission_leaves_numbers() {
+        let steep: Nodes = std::array::from_fn(|i| 10f64.powf(-300.0 - 3.5 * i as f64));
+        let glow = steep.map(|x| x * 1e4);
+        for (s, j) in [(steep, glow), (steep.map(|x| x * 1e-8), glow), (steep, steep.map(|x| x * 1e8))] {
+            let slice = solve_noisy(2.0, &s, &j, 0.0);
+            assert!(slice.radiance.is_finite() && slice.radiance >= 0.0, "{slice:?}");
+            assert!(slice.radiance_error.is_finite(), "{slice:?}");
+        }
     }
 
     #[test]
