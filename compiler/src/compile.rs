@@ -112,7 +112,9 @@ fn backend(
     note_features(scene, &lowered, &mut ledger);
     let mut optimised = passes::optimise(&lowered, &mut ledger);
     let wanted = match lowered.render.backend {
-        Backend::Auto => Backend::Raymarch,
+        Backend::Auto if lowered.splats.is_empty() => Backend::Raymarch,
+        // The others do not draw them.
+        Backend::Auto => Backend::Splatting,
         other => other,
     };
     let (_, _, build) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted).expect("every backend is registered");

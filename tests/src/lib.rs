@@ -1,6 +1,9 @@
 //! What the suites share: finding scenes, opening them on an engine, and the expectations that stand in the scenes themselves.
 
 pub mod bonsai;
+mod made;
+
+pub use made::Made;
 
 use compiler::Options;
 use compiler::diagnostic::{Diagnostics, Severity};

@@ -1,11 +1,16 @@
-//! Files of splats as scenes name them, and the example.
+//! Files of splats as scenes name them, the example, and the GPU against the reference.
 
-use compiler::Options;
+use compiler::ir::{Aa, Backend};
+use compiler::program::OutputKind;
+use compiler::{Options, compile};
 use runtime::data::Memory;
-use runtime::data::splats::read_splats_from;
-use runtime::frame::{EngineChoice, FileLoader, Session, Settings};
+use runtime::data::splats::{Gaussian, Splats, read_splats_from};
+use runtime::frame::{Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayQuery, Session, Settings};
+use runtime::image::metric::compare;
+use runtime::image::{WriteOptions, read_png, srgb_encode, write_png};
 use std::path::Path;
-use tyndall_tests::{bonsai, draw, open, root, text};
+use std::sync::Arc;
+use tyndall_tests::{Made, bonsai, codes, draw, fail, open, root};
 
 /// The file beside the examples is what its generator makes, to a step of each number.
 #[test]
@@ -34,22 +39,320 @@ fn the_bonsai_is_what_its_generator_makes() {
     }
 }
 
-/// Whoever does not choose an engine sees the splats; whoever chooses the GPU is told that it cannot draw them.
+/// Numbers that look random.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / (1u64 << 31) as f64
+    }
+}
+
+#[derive(Clone, Debug)]
+struct One {
+    center: [f64; 3],
+    rotation: [f64; 4],
+    deviations: [f64; 3],
+    opacity: f64,
+    harmonics: Vec<f64>,
+}
+
+/// Balls, needles and discs in a cube of edge 2.
+fn some(count: usize, seed: u64) -> Vec<One> {
+    let mut x = noise(seed);
+    let mut one = || One {
+        center: [2.0 * x() - 1.0, 2.0 * x() - 1.0, 2.0 * x() - 1.0],
+        rotation: [x() - 0.5, x() - 0.5, x() - 0.5, x() - 0.5],
+        deviations: std::array::from_fn(|_| 10f64.powf(-3.0 + 2.5 * x())),
+        opacity: x(),
+        harmonics: (0..48).map(|_| 1.2 * (x() - 0.5)).collect(),
+    };
+    (0..count).map(|_| one()).collect()
+}
+
+fn file(list: &[One], degree: u8, antialiased: bool) -> Arc<Splats> {
+    let gaussians = list.iter().map(|o| Gaussian {
+        center: o.center,
+        rotation: o.rotation,
+        deviations: o.deviations,
+        opacity: o.opacity,
+        harmonics: &o.harmonics,
+    });
+    Arc::new(Splats::new(degree, antialiased, gaussians).expect("splats").0)
+}
+
+/// A scene on an engine; `None` where the machine lacks it.
+fn session(text: &str, splats: &Arc<Splats>, engine: EngineChoice, options: Options) -> Option<Session> {
+    let settings = Settings { options, engine, ..Settings::default() };
+    match Session::open("scene.vol", text, &Made(splats.clone()), settings) {
+        Ok(session) => Some(session),
+        Err(trouble) if trouble.cause == runtime::frame::Cause::Machine => {
+            runtime::engine::skip_without_adapter();
+            None
+        }
+        Err(trouble) => fail(Path::new("scene.vol"), &trouble),
+    }
+}
+
+fn drawn(text: &str, splats: &Arc<Splats>, engine: EngineChoice) -> Option<Drawing> {
+    let mut session = session(text, splats, engine, Options::default())?;
+    let drawing = draw(Path::new("scene.vol"), &mut session);
+    assert_eq!(drawing.faults.iter().count(), 0, "{:?}", drawing.faults);
+    let finite = drawing.picture.radiance().iter().all(|l| l.is_finite() && *l >= 0.0);
+    assert!(finite, "{text}");
+    assert!(drawing.picture.transmittance().expect("asked for").iter().all(|t| (0.0..=1.0).contains(t)), "{text}");
+    Some(drawing)
+}
+
+fn apart(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (srgb_encode((*a).into()) - srgb_encode((*b).into())).abs()).fold(0.0, f64::max)
+}
+
+/// The GPU's picture is the reference's: in what is shown, and in lx within what is said of it and a little for f32.
+fn agrees(text: &str, splats: &Arc<Splats>) -> Option<f64> {
+    let gpu = drawn(text, splats, EngineChoice::Gpu)?;
+    let reference = drawn(text, splats, EngineChoice::Reference)?;
+    let off = apart(gpu.picture.radiance(), reference.picture.radiance());
+    assert!(off <= 1.0 / 255.0, "{off} apart\n{text}");
+    let through = |d: &Drawing| d.picture.transmittance().expect("asked for").to_vec();
+    let through = through(&gpu).iter().zip(&through(&reference)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(through <= 1.0 / 255.0, "transmittance {through} apart\n{text}");
+    let pixels = gpu.picture.radiance().chunks_exact(3).zip(reference.picture.radiance().chunks_exact(3));
+    for ((found, wanted), said) in pixels.zip(&gpu.errors) {
+        let off = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let bright = wanted.iter().fold(1.0f32, |m, x| m.max(*x));
+        assert!(off <= said + 5e-5 * bright, "{off}, said to be {said}\n{text}");
+    }
+    Some(off)
+}
+
+const VIEW: &str = "splats room { file = \"s.ply\" }
+    camera { from = (0.3, 0.5, -3) m  to = (0.1, 0, 0) m  fov = 50 deg }
+    image { size = 33 x 18  background = #336699 }";
+
+/// All degrees, both ways of blending, with and without the low-pass that keeps light, in all views; some splats behind the
+/// eye and some at the near plane.
 #[test]
-fn splats_are_drawn_where_they_can_be() {
+fn gpu_and_reference_draw_the_same_splats() {
+    for (degree, blend, antialiased, view) in [
+        (0, "encoded", false, "fov = 50 deg"),
+        (1, "linear", false, "fov = 50 deg"),
+        (2, "encoded", true, "fov = 20 deg  up = (0, -1, 0)"),
+        (3, "linear", true, "projection = orthographic(height: 2.5 m)"),
+        (3, "encoded", false, "projection = orthographic(height: 2.5 m)  up = (1, 0.2, 0)"),
+        (3, "encoded", false, "projection = panorama"),
+        (2, "linear", true, "projection = panorama"),
+    ] {
+        let splats = file(&some(150, 3 + u64::from(degree)), degree, antialiased);
+        let text = VIEW.replace("fov = 50 deg", view).replace("s.ply\"", &format!("s.ply\"  blend = {blend}"));
+        let Some(off) = agrees(&text, &splats) else { return };
+        // From within, where some are behind the eye and some beside it.
+        let within = text.replace("from = (0.3, 0.5, -3) m", "from = (0.1, 0.05, -0.3) m");
+        let Some(inside) = agrees(&within, &splats) else { return };
+        println!("degree {degree}, {blend}, {view}: {off:.1e}, from within {inside:.1e}");
+    }
+}
+
+/// Samples of a pixel, several items, transforms, grey and many bands.
+#[test]
+fn gpu_and_reference_draw_the_same_scenes_of_splats() {
+    let splats = file(&some(80, 17), 2, false);
+    let two = VIEW.replace(
+        "splats room { file = \"s.ply\" }",
+        "splats room { file = \"s.ply\"  blend = linear }
+         splats other { file = \"s.ply\"  transform = rotate(axis: (0, 1, 0), angle: 70 deg) * scale(0.5) }",
+    );
+    let fog = "fog { k = 0.3 /m  color = #c8d0d8 }";
+    let wall = "surface wall { shape = plane(point: (0, 0, 0.3) m, normal: (0, 0, -1))  albedo = 0.7 }
+        light sky { environment = rgb(0.5, 0.6, 0.9) * lx }  render { scattering = none }";
+    let gas = "medium gas { shape = box(min: (-0.7, -0.7, -0.7) m, max: (0.7, 0.4, 0.7) m)
+        density = 1 + sin(p.x / 0.2 m)  k_a = 1.5 * rgb(1, 1.4, 2) / m  k_e = rgb(0.6, 0.4, 0.2) * (1 lx / m) }
+        image { size = 12 x 9  aa = none }  render { accuracy = 1e-3 }";
+    for extra in ["", fog, wall] {
+        if agrees(&format!("{two}\n{extra}"), &splats).is_none() {
+            return;
+        }
+    }
+    let few = file(&some(12, 18), 2, false);
+    let plain = VIEW.replace("image { size = 33 x 18  background = #336699 }", gas);
+    let samples = VIEW.replace("background = #336699", "background = #336699  aa = ssaa(4)");
+    let bands = VIEW.replace("size = 33 x 18", "size = 9 x 6  bands = spectral(7)");
+    let gray = VIEW.replace("size = 33 x 18", "size = 9 x 6  bands = gray");
+    for text in [plain, samples, gray] {
+        let Some(gpu) = drawn(&text, &few, EngineChoice::Gpu) else { return };
+        let reference = drawn(&text, &few, EngineChoice::Reference).expect("always there");
+        let off = apart(gpu.picture.radiance(), reference.picture.radiance());
+        println!("{off:.1e}");
+        assert!(off <= 1.0 / 255.0, "{off}\n{text}");
+    }
+    // Each part of the spectrum has the light of its own bands.
+    let Some(gpu) = drawn(&bands, &few, EngineChoice::Gpu) else { return };
+    let reference = drawn(&bands, &few, EngineChoice::Reference).expect("always there");
+    assert!(apart(gpu.picture.radiance(), reference.picture.radiance()) <= 1.0 / 255.0);
+    let differ = gpu.picture.radiance().chunks_exact(7).any(|p| (p[0] - p[6]).abs() > 0.01);
+    assert!(differ, "all bands are alike");
+}
+
+#[test]
+fn the_order_in_the_file_does_not_matter_unless_depths_are_equal() {
+    let mut list = some(300, 7);
+    let Some(first) = drawn(VIEW, &file(&list, 3, false), EngineChoice::Gpu) else { return };
+    list.reverse();
+    list.swap(3, 150);
+    let second = drawn(VIEW, &file(&list, 3, false), EngineChoice::Gpu).expect("it was there");
+    let off = apart(first.picture.radiance(), second.picture.radiance());
+    assert!(off <= 1e-6, "{off}");
+    // At one depth the first of the file is in front.
+    let text = "splats room { file = \"s.ply\"  blend = linear }
+        camera { from = (0, 0, -4) m  to = (0, 0, 0) m }  image { size = 3 x 3 }";
+    let ball = |color: [f64; 3]| One {
+        center: [0.0; 3],
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        deviations: [5.0; 3],
+        opacity: 1.0,
+        harmonics: color.map(|c| (c - 0.5) / 0.282_094_791_773_878_14).to_vec(),
+    };
+    let (red, blue) = (ball([1.0, 0.0, 0.0]), ball([0.0, 0.0, 1.0]));
+    let middle = |list: &[One]| {
+        let drawing = drawn(text, &file(list, 0, false), EngineChoice::Gpu).expect("it was there");
+        drawing.picture.pixel(1, 1).to_vec()
+    };
+    let near = |a: &[f32], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    assert!(near(&middle(&[red.clone(), blue.clone()]), [1.0, 0.0, 0.0]));
+    assert!(near(&middle(&[blue, red]), [0.0, 0.0, 1.0]));
+    // Depths that 32 bits do not tell apart are in order all the same.
+    let ahead = One { center: [0.0, 0.0, -1e-9], ..ball([0.0, 1.0, 0.0]) };
+    assert!(near(&middle(&[ball([1.0, 0.0, 0.0]), ahead]), [0.0, 1.0, 0.0]));
+}
+
+#[test]
+fn odd_splats_make_no_odd_pixels() {
+    let mut list = some(12, 3);
+    list[0].deviations = [0.0; 3];
+    list[1].deviations = [0.5, 0.5, 0.0];
+    list[2].deviations = [1e-30, 0.3, 1e-30];
+    list[3].deviations = [1e30, 1e30, 1e30];
+    list[4].deviations = [1e15, 1e-15, 1.0];
+    list[5].opacity = 1.0;
+    list[6].opacity = 0.0;
+    list[7].center = [1e30, -1e30, 1e30];
+    list[8].harmonics = vec![1e30; 48];
+    list[9].deviations = [1e4, 1e-4, 1e-4];
+    list[10].center = [0.3, 0.5, -2.799];
+    list[11].center = [0.3, 0.5, -3.0];
+    let media = ["", "fog { k = 0.1 /m  color = #888 }", "fog { k = 1e30 /m  color = #888 }"];
+    for (i, view) in
+        ["fov = 50 deg", "fov = 179 deg", "projection = orthographic(height: 3 m)", "projection = panorama"]
+            .into_iter()
+            .enumerate()
+    {
+        for blend in ["encoded", "linear"] {
+            let text = VIEW.replace("fov = 50 deg", view).replace("s.ply\"", &format!("s.ply\"  blend = {blend}"));
+            let text = text.replace("33 x 18", "17 x 5") + media[i % 3];
+            if drawn(&text, &file(&list, 3, i % 2 == 1), EngineChoice::Gpu).is_none() {
+                return;
+            }
+        }
+    }
+    // A million times larger and smaller.
+    let splats = file(&some(60, 5), 1, false);
+    let plain = drawn(VIEW, &splats, EngineChoice::Gpu).expect("it was there");
+    for factor in ["1e-6", "1e6"] {
+        let text = VIEW.replace("s.ply\"", &format!("s.ply\"  transform = scale({factor})"));
+        let text = text.replace(" m  ", &format!(" * {factor} m  "));
+        let scaled = drawn(&text, &splats, EngineChoice::Gpu).expect("it was there");
+        assert!(apart(scaled.picture.radiance(), plain.picture.radiance()) < 1e-4, "{factor}");
+    }
+}
+
+#[test]
+fn rays_by_hand_meet_the_same_splats() {
+    let splats = file(&some(60, 23), 3, false);
+    let text = format!("{VIEW}\nfog {{ k = 0.2 /m  color = #aabbcc }}");
+    let rays: Vec<RayQuery> = (0..20)
+        .map(|i| {
+            let angle = f64::from(i) * 0.7;
+            RayQuery { origin: [0.2 * angle.sin(), 0.1, -2.0], direction: [0.3 * angle.cos(), 0.2 * angle.sin(), 1.0] }
+        })
+        .collect();
+    let answers = |engine: EngineChoice| {
+        let mut session = session(&text, &splats, engine, Options::probe())?;
+        let params = Params::defaults(&session.program().lowered);
+        Some(session.probe(&params, &rays, &ProbeSettings::default()).unwrap_or_else(|t| fail(Path::new("s"), &t)))
+    };
+    let Some(gpu) = answers(EngineChoice::Gpu) else { return };
+    for (found, wanted) in gpu.iter().zip(answers(EngineChoice::Reference).expect("always there")) {
+        for band in 0..3 {
+            let off = (found.radiance[band] - wanted.radiance[band]).abs();
+            assert!(off <= found.error[band] + 2e-5, "{found:?} {wanted:?}");
+        }
+    }
+}
+
+#[test]
+fn the_bonsai_on_the_gpu() {
     let path = root().join("examples/splats/bonsai.vol");
-    let options = || Options { size: Some([16, 16]), ..Options::default() };
-    let mut session = open(&path, options(), EngineChoice::Auto).expect("the processor is always there");
-    assert_eq!(session.engine(), "cpu");
-    assert!(session.fallback().expect("a reason").contains("splats"));
-    assert_eq!(session.warnings().iter().count(), 0);
+    let mut options = Options { size: Some([40, 40]), ..Options::default() };
+    options.outputs.push(OutputKind::Edge);
+    // Nobody needs to choose.
+    let Some(mut session) = open(&path, options, EngineChoice::Gpu) else { return };
+    assert_eq!(session.program().plan.backend, "splatting");
     let drawing = draw(&path, &mut session);
-    // The tree is darker than the mist around it.
-    let brightness = |x: u32, y: u32| drawing.picture.pixel(x, y).iter().sum::<f32>();
-    assert!(brightness(8, 4) < 0.7 * brightness(1, 1), "{} {}", brightness(8, 4), brightness(1, 1));
-    // What is refused, and why, does not depend on the machine.
-    let settings = Settings { options: options(), engine: EngineChoice::Gpu, ..Settings::default() };
-    let loader = FileLoader::new(path.parent().expect("a folder"));
-    let trouble = Session::open("bonsai.vol", &text(&path), &loader, settings).map(|_| ()).expect_err("is refused");
-    assert_eq!(trouble.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["E0909"]);
+    let measured = session.measure(&drawing, 256, 1).unwrap_or_else(|t| fail(&path, &t));
+    println!("{measured:?}, predicted {:?}", drawing.predicted);
+    assert!(measured.within(), "{measured:?}");
+    let predicted = drawing.predicted.expect("it is said").0;
+    assert!(measured.max <= predicted + 2e-4, "{measured:?} {predicted}");
+    assert!(predicted < 5e-3, "{predicted}");
+    // As it looked, by the measure of `pictures`.
+    let options = Options { size: Some([96, 96]), aa: Some(Aa::None), ..Options::default() };
+    let drawing = draw(&path, &mut open(&path, options, EngineChoice::Gpu).expect("it was there"));
+    let kept = root().join("tests/pictures/bonsai.png");
+    if std::env::var_os("TYNDALL_UPDATE_PICTURES").is_some() {
+        write_png(&kept, &drawing.picture, &WriteOptions::default()).expect("the picture can be kept");
+    }
+    let kept = read_png(&kept).unwrap_or_else(|e| panic!("{e:?}"));
+    let now = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bonsai.png");
+    write_png(&now, &drawing.picture, &WriteOptions::default()).expect("a scratch folder");
+    let flip = compare(&kept, &read_png(&now).unwrap_or_else(|e| panic!("{e:?}"))).expect("one size").flip;
+    assert!(flip <= 0.01, "mean FLIP {flip}");
+}
+
+#[test]
+fn other_backends_name_the_one_that_draws_splats() {
+    let path = root().join("examples/splats/bonsai.vol");
+    for backend in [Backend::Raymarch, Backend::Slicing] {
+        let options = Options { backend: Some(backend), ..Options::default() };
+        let found: Vec<_> = codes(&path, &options);
+        assert!(found.contains(&"E0530"), "{found:?}");
+        let loader = FileLoader::new(root().join("examples/splats"));
+        let out = compile("bonsai.vol", &tyndall_tests::text(&path), &loader, &options);
+        let said = compiler::diagnostic::render(&out.diagnostics, &out.sources);
+        assert!(said.contains("splatting"), "{said}");
+    }
+    // As many Gaussians of media as somebody asks for have no place there.
+    let options = Options { splats: Some(1000), ..Options::default() };
+    assert_eq!(codes(&path, &options), ["E0530"]);
+}
+
+/// What is compiled for splats without media and for those in fog.
+#[test]
+fn code_for_splats() {
+    let splats = file(&some(3, 1), 0, false);
+    let shown = |text: &str| {
+        let out = compile("scene.vol", text, &Made(splats.clone()), &Options::default());
+        let program =
+            out.program.unwrap_or_else(|| panic!("{}", compiler::diagnostic::render(&out.diagnostics, &out.sources)));
+        let blend = program.kernels.iter().find(|k| k.name == "blend").expect("it is there");
+        let wgsl = compiler::emit::emit(blend).expect("it is valid").wgsl().expect("WGSL");
+        (compiler::program::print_plan(&program), wgsl)
+    };
+    let linear = "splats room { file = \"s.ply\"  blend = linear }  camera { from = (0, 0, -3) m  to = (0, 0, 0) m }";
+    let (plan, code) = shown(linear);
+    assert!(!code.contains("srgb_encode"), "{code}");
+    insta::assert_snapshot!("splats_linear_plan", plan);
+    insta::assert_snapshot!("splats_linear", code);
+    let fog = format!("{linear} fog {{ k = 0.3 /m  color = #c8d0d8 }}").replace("linear", "encoded");
+    insta::assert_snapshot!("splats_in_fog", shown(&fog).1);
 }

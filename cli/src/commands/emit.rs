@@ -28,7 +28,6 @@ pub(super) fn run(format: Format, arguments: &Emit) -> Result<Exit, Trouble> {
     let Some(program) = compiled.program.filter(|_| !found.has_errors()) else {
         return Err(Trouble { cause: Cause::Input, diagnostics: found, sources });
     };
-    found.0.extend(compiler::lower::undrawn(&program.lowered).0);
     if format == Format::Human {
         diagnostics(&found, &sources);
     }

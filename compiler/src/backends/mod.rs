@@ -5,9 +5,23 @@ pub mod slicing;
 pub mod splatting;
 
 use crate::Options;
-use crate::diagnostic::Diagnostics;
+use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{Backend, FieldScene};
 use crate::program::{Ledger, Plan, kernel::Kernel};
+
+/// Says of splats of files that a backend does not draw them.
+fn refuse_splats(scene: &FieldScene, backend: &str, diagnostics: &mut Diagnostics) {
+    let Some(splats) = scene.splats.first() else { return };
+    let diagnostic = Diagnostic::error("E0530", format!("{backend} cannot draw the splats `{}`", splats.name))
+        .note(
+            "splats of files can be drawn by: splatting, with all media that have a closed form to infinity or an end",
+        )
+        .hint("use `backend = splatting`, or `auto`");
+    diagnostics.push(match splats.span {
+        Some(span) => diagnostic.at(span, "these splats"),
+        None => diagnostic,
+    });
+}
 
 /// What a backend makes of a scene. It may add nodes to the scene that its plan names.
 pub type Build = fn(&mut FieldScene, &Options, &mut Ledger, &mut Diagnostics) -> Option<(Vec<Kernel>, Plan)>;

@@ -61,6 +61,7 @@ impl KernelBuilder {
             FrameValue::LatticeLow => ("lattice_low", 3, false),
             FrameValue::LatticeSpacing => ("lattice_spacing", 1, false),
             FrameValue::LatticeCounts => ("lattice_counts", 3, true),
+            FrameValue::ListEdge => ("list_edge", 1, true),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
     }
@@ -163,6 +164,16 @@ impl KernelBuilder {
     /// The order in which splats are drawn.
     pub fn order(&mut self) -> u32 {
         self.resource("order", ResourceKind::ReadBuffer(Ty::U32), Binding::Order)
+    }
+
+    /// Splats of files as the picture shows them.
+    pub fn footprints(&mut self) -> u32 {
+        self.resource("footprints", ResourceKind::ReadBuffer(Ty::F32), Binding::Footprints)
+    }
+
+    /// Which of them cover a tile of the picture, or a ray.
+    pub fn tile_lists(&mut self) -> u32 {
+        self.resource("tile_lists", ResourceKind::ReadBuffer(Ty::U32), Binding::TileLists)
     }
 
     /// What was drawn into a target.

@@ -14,6 +14,10 @@ pub enum Helper {
     Attenuated,
     /// `exponential_integral(argument, rate, a, b)`: ∫ₐᵇ exp(argument + rate·t) dt, at most 3e38; b may be 3e38 for infinity.
     ExponentialIntegral,
+    /// `srgb_encode(x)`: the transfer function of sRGB (IEC 61966-2-1), from light to what is stored; its power goes on above 1.
+    SrgbEncode,
+    /// `srgb_decode(x)`: back, at most 2e38.
+    SrgbDecode,
     /// `cell_hash(cell, seed)`, as [`crate::ir::eval::cell_hash`].
     CellHash,
     /// A grid's value at voxel coordinates.
@@ -35,6 +39,8 @@ impl Helper {
                 let attenuated = builder.helper(graph, Self::Attenuated);
                 exponential_integral(attenuated)
             }
+            Self::SrgbEncode => srgb_encode(),
+            Self::SrgbDecode => srgb_decode(),
             Self::CellHash => cell_hash(),
             Self::Sample(grid) => volume::sample(graph, builder, grid),
             Self::SampleGradient(grid) => volume::gradient(graph, builder, grid),
@@ -86,6 +92,23 @@ fn exponential_integral(attenuated: crate::program::kernel::FunctionId) -> Funct
     let start = code.bind("densest", Ty::F32, exp(argument + rate.clone() * dense));
     let mean = Expr::Call(attenuated, vec![rate.abs() * length.clone()]);
     code.return_((start * length * mean).min(3.0e38));
+    code.finish(Some(Ty::F32))
+}
+
+fn srgb_encode() -> Function {
+    let mut code = Code::new("srgb_encode", None);
+    let x = code.parameter("x", Ty::F32);
+    code.if_(x.clone().less_equal(0.003_130_8), |code| code.return_(x.clone() * 12.92));
+    code.return_(Expr::math(Math::Pow, [x, Expr::F32(1.0 / 2.4)]) * 1.055 - 0.055);
+    code.finish(Some(Ty::F32))
+}
+
+fn srgb_decode() -> Function {
+    let mut code = Code::new("srgb_decode", None);
+    let x = code.parameter("x", Ty::F32);
+    code.if_(x.clone().less_equal(0.040_45), |code| code.return_(x.clone() / 12.92));
+    // Beyond, f32 would overflow.
+    code.return_(Expr::math(Math::Pow, [(x.min(1.0e16) + 0.055) / 1.055, Expr::F32(2.4)]));
     code.finish(Some(Ty::F32))
 }
 

@@ -29,7 +29,7 @@ mod space;
 mod spectrum;
 mod splats;
 
-pub use pending::{pending, undrawn};
+pub use pending::pending;
 
 use crate::check::hir;
 use crate::diagnostic::{Diagnostic, Diagnostics};

@@ -2,7 +2,7 @@
 
 use crate::check::hir::Scene;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Aa, FieldScene};
+use crate::ir::Aa;
 use crate::syntax::ast::BlockKind;
 
 /// Warnings for the parts of a scene that the picture leaves out.
@@ -41,25 +41,6 @@ pub fn pending(scene: &Scene) -> Diagnostics {
             .hint("use `none`, `analytic` or `ssaa(n)`");
         if let Some(span) = scene.image.span {
             diagnostic = diagnostic.at(span, "asked for here");
-        }
-        found.push(diagnostic);
-    }
-    found
-}
-
-/// Warnings for the parts of a scene that no backend draws yet but the reference engine does.
-#[must_use]
-pub fn undrawn(scene: &FieldScene) -> Diagnostics {
-    let mut found = Diagnostics::default();
-    for splats in &scene.splats {
-        let name = &splats.name;
-        let mut diagnostic = Diagnostic::warning(
-            "W0904",
-            format!("the splats `{name}` are not in the kernels: no backend of the GPU draws them yet"),
-        )
-        .hint("`--engine cpu` and `--engine reference` draw them");
-        if let Some(span) = splats.span {
-            diagnostic = diagnostic.at(span, "what is compiled is as if they were not there");
         }
         found.push(diagnostic);
     }

@@ -208,6 +208,8 @@ pub enum FrameValue {
     LatticeSpacing,
     /// u32 × 3: nodes along each axis; number i is x + counts.x·(y + counts.y·z)
     LatticeCounts,
+    /// u32: edge of the tiles of the picture that have lists of splats, in pixels
+    ListEdge,
 }
 
 /// One field of the uniform block. Layout is WGSL's: offsets in bytes.
@@ -291,8 +293,50 @@ pub enum Binding {
     SplatsRead,
     /// Numbers of nodes, the farthest first: array of u32.
     Order,
+    /// Splats of files as this picture shows them: array of f32, each as [`FootprintShape`] says.
+    Footprints,
+    /// Which of them each tile of the picture ([`FrameValue::ListEdge`]), row by row, or each ray of the list is covered by: array of u32. First
+    /// three numbers for each, and for one more: where its list begins; the bits of an f32, what is left out of it, as the sum of the
+    /// largest α that each has in it; and those of another, the largest radiance of what is left out, in lx. A list ends where the next
+    /// begins, and has numbers of footprints, the nearest first.
+    TileLists,
     /// A target of [`Plan::targets`], by its number: what was drawn into it.
     Target(u32),
+}
+
+/// What is known of a splat of a file where the rays of a drawing meet it. A footprint covers α = |o|·exp(−½(u² + v²)) of what is behind
+/// it; o is negative for what is blended as sRGB-encoded numbers. It has these numbers, and then those that are blended, one for
+/// each band of the program: encoded, or in lx.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum FootprintShape {
+    /// Of a ray of the list: t, o; u and v are 0.
+    Ray,
+    /// In a plane: depth along the view, from the anchor; xx, xy, x0, yy, y0, and o. With (x, y) in pixels from the middle of the picture, y
+    /// down, u = xx·x + xy·y + x0 and v = yy·y + y0.
+    Plane,
+    /// Around the eye: distance; vectors a, b and c; and o. On a ray along d, u = a·d/c·d and v = b·d/c·d; where c·d ≤ 0 it covers nothing.
+    Around,
+}
+
+impl FootprintShape {
+    /// f32 before those of the bands.
+    #[must_use]
+    pub fn head(self) -> u32 {
+        match self {
+            Self::Ray => 2,
+            Self::Plane => 7,
+            Self::Around => 11,
+        }
+    }
+}
+
+/// What the runtime makes of splats of files before it draws.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct FootprintLayout {
+    /// Which numbers.
+    pub shape: FootprintShape,
+    /// f32 of each: those, and one for each band.
+    pub stride: u32,
 }
 
 /// How a fragment comes together with what its target holds.
@@ -459,6 +503,8 @@ pub struct Plan {
     pub fill: Option<FillPass>,
     /// What finds the splats, once for each picture and after `fill`.
     pub plant: Option<PlantPass>,
+    /// Splats of files, which are put before the drawing into [`Binding::Footprints`].
+    pub footprints: Option<FootprintLayout>,
     /// Media that are bounded on a lattice.
     pub bounds: Vec<MediumBounds>,
     /// Samples per pixel.

@@ -166,6 +166,13 @@ pub fn print_plan(program: &Program) -> String {
             Binding::Splats => format!("buffer of splats, {} f32 each", plan.plant.map_or(0, |p| p.stride)),
             Binding::SplatsRead => "the same, only read".into(),
             Binding::Order => "buffer of the numbers of splats, farthest first".into(),
+            Binding::Footprints => {
+                format!("buffer of splats of files, {} f32 each", plan.footprints.map_or(0, |f| f.stride))
+            }
+            Binding::TileLists => match plan.rays {
+                RaySource::Camera => "buffer of lists of them for tiles of the picture".into(),
+                RaySource::List => "buffer of lists of them for rays".into(),
+            },
             Binding::Target(i) => format!("target {}", plan.targets[*i as usize].name),
         };
         let _ = writeln!(out, "    {i} {what}");

@@ -42,6 +42,15 @@ impl Rays {
     }
 }
 
+/// What passes after `aim` want to know of a ray besides.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Aimed {
+    /// Where it meets the planes of slabs.
+    Planes,
+    /// Which point of the picture it goes through.
+    Point,
+}
+
 /// A ray as it is noted.
 pub(crate) struct Note {
     pub(crate) origin: Expr,
@@ -50,7 +59,7 @@ pub(crate) struct Note {
     pub(crate) start: Expr,
     /// Where a surface ends it.
     pub(crate) end: Expr,
-    /// t of the first plane, and from plane to plane.
+    /// t of the first plane, and from plane to plane; or the point of the picture, in pixels.
     pub(crate) first: Expr,
     pub(crate) step: Expr,
     /// Share of the pixel.
@@ -99,15 +108,21 @@ pub(crate) fn entry(
     seen: &Scene,
     pieces: &Pieces,
     source: RaySource,
-    rays: Rays,
+    (rays, aimed): (Rays, Aimed),
 ) -> Function {
     match source {
-        RaySource::Camera => camera(scene, builder, seen, pieces, rays),
-        RaySource::List => list(builder, pieces),
+        RaySource::Camera => camera(scene, builder, seen, pieces, (rays, aimed)),
+        RaySource::List => list(builder, pieces, aimed),
     }
 }
 
-fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, pieces: &Pieces, rays: Rays) -> Function {
+fn camera(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    seen: &Scene,
+    pieces: &Pieces,
+    (rays, aimed): (Rays, Aimed),
+) -> Function {
     let mut code = Code::new("aim", None);
     let Pixel { x, y, record } = records::pixel(builder, &mut code);
     let camera = rays::Camera::new(builder, scene.camera.projection);
@@ -137,31 +152,40 @@ fn camera(scene: &FieldScene, builder: &mut KernelBuilder, seen: &Scene, pieces:
             }
         }
     };
-    let ray = camera.ray(&mut code, "ray", at_x, at_y);
+    let ray = camera.ray(&mut code, "ray", at_x.clone(), at_y.clone());
     let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
-    // Planes are counted from the anchor, where the ray's parameter is 0: thicker along rays off the axis.
-    let facing = ray.direction.clone().dot(builder.frame(FrameValue::CameraForward));
-    let facing = code.bind("facing", Ty::F32, facing);
-    let first = builder.frame(FrameValue::SlabStart) / facing.clone();
-    let step = builder.frame(FrameValue::SlabStep) / facing;
+    let (first, step) = match aimed {
+        Aimed::Planes => {
+            // Planes are counted from the anchor, where the ray's parameter is 0: thicker along rays off the axis.
+            let facing = ray.direction.clone().dot(builder.frame(FrameValue::CameraForward));
+            let facing = code.bind("facing", Ty::F32, facing);
+            (builder.frame(FrameValue::SlabStart) / facing.clone(), builder.frame(FrameValue::SlabStep) / facing)
+        }
+        Aimed::Point => (at_x, at_y),
+    };
     let rays::Start { origin, direction, from } = ray;
     Note { origin, direction, start: from, end, first, step, weight, edge }.write(builder, &mut code, &record);
     code.finish(None)
 }
 
 /// Rays of a list have no common planes: each is cut into equal parts within the box around the media.
-fn list(builder: &mut KernelBuilder, pieces: &Pieces) -> Function {
+fn list(builder: &mut KernelBuilder, pieces: &Pieces, aimed: Aimed) -> Function {
     let mut code = Code::new("aim", None);
     let index = records::listed(builder, &mut code);
     let ray = rays::list(builder, &mut code, &index);
     let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
-    let low = builder.frame(FrameValue::BoundsLow);
-    let high = builder.frame(FrameValue::BoundsHigh);
-    let arguments = vec![ray.origin.clone(), ray.direction.clone(), low, high];
-    let span = code.bind("span", Ty::float(2), Expr::Call(pieces.through_box, arguments));
-    let first = code.bind("first", Ty::F32, span.clone().component(0).max(ray.from.clone()));
-    let length = (span.component(1).min(end.clone()) - first.clone()).max(0.0);
-    let step = length / builder.frame(FrameValue::SlabCount).convert(Prim::F32);
+    let (first, step) = match aimed {
+        Aimed::Planes => {
+            let low = builder.frame(FrameValue::BoundsLow);
+            let high = builder.frame(FrameValue::BoundsHigh);
+            let arguments = vec![ray.origin.clone(), ray.direction.clone(), low, high];
+            let span = code.bind("span", Ty::float(2), Expr::Call(pieces.through_box, arguments));
+            let first = code.bind("first", Ty::F32, span.clone().component(0).max(ray.from.clone()));
+            let length = (span.component(1).min(end.clone()) - first.clone()).max(0.0);
+            (first, length / builder.frame(FrameValue::SlabCount).convert(Prim::F32))
+        }
+        Aimed::Point => (Expr::F32(0.0), Expr::F32(0.0)),
+    };
     let rays::Start { origin, direction, from } = ray;
     let note = Note { origin, direction, start: from, end, first, step, weight: Expr::F32(1.0), edge: Expr::F32(0.0) };
     note.write(builder, &mut code, &index);

@@ -20,7 +20,12 @@ impl Tracer<'_> {
     /// Steps through a segment in which something varies.
     pub(super) fn march(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
         let length = code.bind("length", Ty::F32, segment.b.clone() - segment.a.clone());
-        let reach = segment.reach.clone().unwrap_or_else(|| length.clone());
+        let reach = match &segment.reach {
+            // Of a part that reaches farther than the whole was thought to, as the last one may.
+            Some(reach) if segment.part => code.bind("reach", Ty::F32, reach.clone().max(length.clone())),
+            Some(reach) => reach.clone(),
+            None => length.clone(),
+        };
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
             StepRule::Slabs { .. } | StepRule::Splats { .. } if matches!(self.walk, Walk::Eye) => {
@@ -114,12 +119,17 @@ impl Tracer<'_> {
     }
 
     /// Longest step: a third of it must see the smallest cell of anything piecewise that is here.
-    fn longest_step(&self, code: &mut Code, media: &[Medium<'_>], length: &Expr) -> Expr {
+    /// Of a part of a ray, the whole counts.
+    fn longest_step(&self, code: &mut Code, media: &[Medium<'_>], length: &Expr, whole: Option<&Expr>) -> Expr {
         let open = self.scene.matter.iter().any(|m| self.open_depth(m));
         let shadow = matches!(self.walk, Walk::Shadow { .. });
         // A column needs less care than what is seen along it; what has a closed form is smooth.
         let parts = if !open || shadow { 12.0 } else { 32.0 };
-        let plain = length.clone() * (1.0 / parts);
+        let within = |share: f64| match whole {
+            Some(whole) => length.clone().min(whole.clone() * share),
+            None => length.clone() * share,
+        };
+        let plain = within(1.0 / parts);
         let mut finest: Option<Expr> = None;
         for medium in media.iter().filter(|m| m.matter.varying) {
             let roots: Vec<NodeId> = [medium.matter.extinction, medium.matter.emission].into_iter().flatten().collect();
@@ -136,10 +146,10 @@ impl Tracer<'_> {
         // Where nothing piecewise is, the length alone decides.
         match finest {
             None => plain,
-            Some(Expr::F32(cell)) => (length.clone() * (1.0 / 8.0)).min(cell),
+            Some(Expr::F32(cell)) => within(1.0 / 8.0).min(cell),
             Some(finest) => {
                 let finest = code.bind("finest", Ty::F32, finest);
-                finest.clone().less(FAR).select((length.clone() * (1.0 / 8.0)).min(finest), plain)
+                finest.clone().less(FAR).select(within(1.0 / 8.0).min(finest), plain)
             }
         }
     }
@@ -159,7 +169,7 @@ impl Tracer<'_> {
         let white = self.builder.frame(FrameValue::White);
         let cap = self.builder.frame(FrameValue::MaxWork);
         let cap = if self.cache.is_some() { cap.min(super::cache::MOST_LOOKS) } else { cap };
-        let longest = self.longest_step(code, media, length);
+        let longest = self.longest_step(code, media, length, segment.part.then_some(reach));
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
         let jumps = self.jumps(code, ray);

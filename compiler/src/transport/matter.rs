@@ -243,7 +243,14 @@ impl Scene {
             let nodes = nodes.chain(phases.iter().filter_map(|p| p.node)).chain(background);
             let nodes: Vec<NodeId> = nodes.collect();
             let own = nodes.iter().map(|n| graph.width(*n)).max().unwrap_or(1);
-            if nodes.is_empty() { own } else { own.max(depth_width) }
+            if !scene.splats.is_empty() {
+                // The light of splats is in their files, and has every band.
+                scene.bands.wavelengths.len() as u8
+            } else if nodes.is_empty() {
+                own
+            } else {
+                own.max(depth_width)
+            }
         };
         let depth_width = if projecting { 1 } else { depth_width };
         let closed = !projecting && matter.iter().all(|m| !m.steps);

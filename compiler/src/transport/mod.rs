@@ -30,7 +30,7 @@ mod tracking;
 use crate::program::OutputKind;
 
 pub(crate) use matter::Scene;
-pub(crate) use trace::{Traced, Tracer};
+pub(crate) use trace::{Traced, Tracer, cut_short};
 
 /// The name of an output in the shader.
 pub(crate) fn output_name(kind: OutputKind) -> &'static str {

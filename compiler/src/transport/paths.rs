@@ -9,7 +9,7 @@
 
 use super::light::{LightSample, Receiver};
 use super::shapes::{FAR, Ray, SdfFunctions};
-use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer, Walk, largest, widen};
+use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer, Walk, cut_short, largest, widen};
 use super::tracking::push_tracking;
 use crate::fields::{Code, Helper, PhaseFunction, phase_function};
 use crate::ir::Input;
@@ -163,7 +163,7 @@ impl Tracer<'_> {
             projected: None,
         };
         self.walk = Walk::Path(flight.clone());
-        self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start: from, end }, None);
+        self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start: from, end, whole: None }, None);
         self.walk = Walk::Eye;
         code.add(light, Expr::Local(flight.emitted));
         // Every band by its own probability over the mean of all.
@@ -485,7 +485,14 @@ impl Tracer<'_> {
         };
         let walk = std::mem::replace(&mut self.walk, Walk::Ratio(ratio.clone()));
         let wanted = std::mem::take(&mut self.wanted);
-        self.follow(&mut code, &ray, &state, sdfs, &Stretch { start: Expr::F32(0.0), end: Some(limit) }, None);
+        self.follow(
+            &mut code,
+            &ray,
+            &state,
+            sdfs,
+            &Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None },
+            None,
+        );
         (self.walk, self.wanted) = (walk, wanted);
         let depth = state.depth.map_or(Expr::F32(0.0), Expr::Local);
         code.return_(Expr::Local(ratio.weight) * (-depth).exp());
@@ -782,7 +789,7 @@ impl Tracer<'_> {
     }
 
     fn finish_path(
-        mut self,
+        self,
         mut code: Code,
         ray: &Ray,
         start: &Expr,
@@ -816,7 +823,7 @@ impl Tracer<'_> {
             code.push_if(self.builder.frame(FrameValue::FirstPath).equal(0u32), first);
             Expr::Local(depth)
         });
-        let cut = self.cut_short(&mut code);
+        let cut = cut_short(self.builder, &mut code);
         let cut = code.bind("cut", Ty::F32, cut.select(Expr::U32(Fault::CUT_SHORT), Expr::U32(0)).bitcast(Prim::F32));
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];

@@ -48,6 +48,48 @@ pub(crate) fn store(
     }
 }
 
+/// Stores what a ray gave, or adds it to what the rays of its pixel before it gave, with a weight.
+pub(crate) fn gather(
+    builder: &mut KernelBuilder,
+    code: &mut Code,
+    (fields, values): (&[(OutputKind, u8)], Vec<Expr>),
+    (record, stride): (&Expr, u32),
+    weight: Option<&Expr>,
+) {
+    let widths: Vec<u8> = fields.iter().map(|f| f.1).collect();
+    let Some(weight) = weight else { return store(builder, code, &widths, &values, record, stride) };
+    let records = builder.records();
+    let base = code.bind("so_far_at", Ty::U32, record.clone() * stride);
+    let first = code.bind("first_ray", Ty::BOOL, builder.frame(FrameValue::Repeat).equal(0u32));
+    let mut offset = 0u32;
+    let mut sums = vec![];
+    for ((kind, width), value) in fields.iter().zip(values) {
+        let before: Vec<Expr> = (0..u32::from(*width))
+            .map(|i| {
+                let load = Expr::Load(records, Box::new(base.clone() + (offset + i)));
+                let load = code.bind("so_far", Ty::F32, load);
+                first.clone().select(0.0, load)
+            })
+            .collect();
+        offset += u32::from(*width);
+        let before =
+            if let [only] = before.as_slice() { only.clone() } else { Expr::Compose(Ty::float(*width), before) };
+        let before = code.bind("before", Ty::float(*width), before);
+        sums.push(match kind {
+            OutputKind::Fault => {
+                let none = before.clone().component(0).bitcast(Prim::U32).equal(0u32);
+                none.select(value, before)
+            }
+            OutputKind::Evaluations => before + value,
+            OutputKind::Edge => before.max(value),
+            OutputKind::Radiance | OutputKind::Transmittance | OutputKind::OpticalDepth | OutputKind::Error => {
+                before + value * weight.clone().splat(*width)
+            }
+        });
+    }
+    store(builder, code, &widths, &sums, record, stride);
+}
+
 /// The pixel that an invocation draws.
 pub(crate) struct Pixel {
     /// Of its upper left corner, in pixels of the picture.

@@ -6,7 +6,7 @@ use super::records::{self, Pixel};
 use super::slab::{Part, Pieces};
 use crate::fields::{Code, KernelBuilder};
 use crate::program::kernel::{Expr, Function, Math, Prim, Ty};
-use crate::program::{Fault, FrameValue, OutputKind, RaySource};
+use crate::program::{Fault, OutputKind, RaySource};
 
 /// The entry point.
 pub(crate) fn entry(
@@ -76,41 +76,7 @@ pub(crate) fn entry(
         values.push(note.edge.clone());
         fields.push((OutputKind::Edge, 1));
     }
-    let widths: Vec<u8> = fields.iter().map(|f| f.1).collect();
-    if rays == Rays::One {
-        records::store(builder, &mut code, &widths, &values, &record, stride);
-        return code.finish(None);
-    }
-    // Records add up over the rays of a pixel.
-    let records = builder.records();
-    let base = code.bind("so_far_at", Ty::U32, record.clone() * stride);
-    let first = code.bind("first_ray", Ty::BOOL, builder.frame(FrameValue::Repeat).equal(0u32));
-    let mut offset = 0u32;
-    let mut sums = vec![];
-    for ((kind, width), value) in fields.iter().zip(values) {
-        let before: Vec<Expr> = (0..u32::from(*width))
-            .map(|i| {
-                let load = Expr::Load(records, Box::new(base.clone() + (offset + i)));
-                let load = code.bind("so_far", Ty::F32, load);
-                first.clone().select(0.0, load)
-            })
-            .collect();
-        offset += u32::from(*width);
-        let before =
-            if let [only] = before.as_slice() { only.clone() } else { Expr::Compose(Ty::float(*width), before) };
-        let before = code.bind("before", Ty::float(*width), before);
-        sums.push(match kind {
-            OutputKind::Fault => {
-                let none = before.clone().component(0).bitcast(Prim::U32).equal(0u32);
-                none.select(value, before)
-            }
-            OutputKind::Evaluations => before + value,
-            OutputKind::Edge => before.max(value),
-            OutputKind::Radiance | OutputKind::Transmittance | OutputKind::OpticalDepth | OutputKind::Error => {
-                before + value * note.weight.clone().splat(*width)
-            }
-        });
-    }
-    records::store(builder, &mut code, &widths, &sums, &record, stride);
+    let weight = (rays != Rays::One).then_some(&note.weight);
+    records::gather(builder, &mut code, (&fields, values), (&record, stride), weight);
     code.finish(None)
 }

@@ -6,10 +6,10 @@
 
 use super::shapes::{FAR, Ray};
 use super::sheets::Nearest;
-use super::trace::{State, Stretch, Traced, Tracer, widen};
+use super::trace::{State, Stretch, Traced, Tracer, cut_short, widen};
 use crate::fields::Code;
 use crate::program::kernel::{Expr, Function, FunctionId, Ty};
-use crate::program::{FillPass, Ledger};
+use crate::program::{FillPass, Ledger, StepRule};
 
 /// What a piece of a ray gives, in this order where it is there.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
@@ -28,9 +28,12 @@ pub(crate) enum Part {
 
 /// The functions of a ray in pieces, which are blended.
 pub(crate) struct Pieces {
-    /// `slab(origin, direction, from, to)`, or of splats.
+    /// `slab(origin, direction, from, to)`, or of splats; where steps are shared out, `part_of` as well: the length
+    /// of what the piece is a part of, or 0 if it is the whole.
     pub(crate) piece: FunctionId,
     pub(crate) result: Ty,
+    /// Whether it takes `part_of`.
+    pub(crate) controlled: bool,
     /// Its fields, with their types.
     pub(crate) parts: Vec<(Part, Ty)>,
     /// `nearest`: where a surface ends the ray.
@@ -72,10 +75,20 @@ impl Tracer<'_> {
         let mut code = Code::new("slab", None);
         let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
         let (from, to) = (code.parameter("from", Ty::F32), code.parameter("to", Ty::F32));
+        let controlled =
+            matches!(self.rule, StepRule::Adaptive(_) | StepRule::Fixed(_)) && !self.scene.matter.is_empty();
+        let part_of = controlled.then(|| code.parameter("part_of", Ty::F32));
         let state = self.declare(&mut code, ledger);
-        self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start: from, end: Some(to) }, Some(ledger));
+        self.follow(
+            &mut code,
+            &ray,
+            &state,
+            &sdfs,
+            &Stretch { start: from, end: Some(to), whole: part_of },
+            Some(ledger),
+        );
         if let (Some(fault), true) = (state.fault, self.has_loops()) {
-            let cut = self.cut_short(&mut code);
+            let cut = cut_short(self.builder, &mut code);
             code.if_(cut, |code| code.set(fault, crate::program::Fault::CUT_SHORT));
         }
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
@@ -122,7 +135,7 @@ impl Tracer<'_> {
         });
         let whole = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
         let parts = there.into_iter().map(|(part, _, ty, _)| (part, ty)).collect();
-        Pieces { piece: slab, result, parts, nearest, whole, footprint, means, through_box, fill }
+        Pieces { piece: slab, result, controlled, parts, nearest, whole, footprint, means, through_box, fill }
     }
 
     fn write_footprint(&mut self, parts: &[(Part, Ty)], result: Ty, back: bool) -> FunctionId {

@@ -80,6 +80,8 @@ pub(super) struct Segment {
     pub(super) b: Expr,
     /// The length that errors are shared out over; `None` is the segment's own.
     pub(super) reach: Option<Expr>,
+    /// Whether steps are shared out over it as well.
+    pub(super) part: bool,
 }
 
 /// The part of a ray that counts.
@@ -87,6 +89,8 @@ pub(super) struct Stretch {
     pub(super) start: Expr,
     /// `None` is infinity.
     pub(super) end: Option<Expr>,
+    /// The length of the whole of which it is a part, if errors and steps are shared out over that.
+    pub(super) whole: Option<Expr>,
 }
 
 /// What a walk along a ray is for.
@@ -167,6 +171,18 @@ pub(super) fn widen(value: Expr, from: u8, to: u8) -> Expr {
     if from == to { value } else { value.splat(to) }
 }
 
+/// Whether the driver has ended loops by now: then a loop of two rounds ends after one.
+pub(crate) fn cut_short(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
+    let rounds = builder.frame(FrameValue::Rounds);
+    let done = code.var("rounds_done", Ty::U32, 0u32);
+    code.open();
+    code.add(done, 1u32);
+    code.break_if(Expr::Local(done).greater_equal(rounds.clone()));
+    let block = code.close();
+    code.push_loop(block);
+    Expr::Local(done).less(rounds)
+}
+
 impl<'a> Tracer<'a> {
     /// What is `wanted` of rays through a scene, stepped through by a rule.
     pub(crate) fn new(
@@ -236,7 +252,7 @@ impl Tracer<'_> {
             code.bind("hit", nearest.result, Expr::Call(nearest.function, arguments))
         });
         let end = hit.clone().map(|h| h.field(0));
-        self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start, end }, Some(ledger));
+        self.follow(&mut code, &ray, &state, &sdfs, &Stretch { start, end, whole: None }, Some(ledger));
         let traced = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
         Traced { fill, ..traced }
     }
@@ -307,7 +323,14 @@ impl Tracer<'_> {
         };
         let (walk, wanted) =
             (std::mem::replace(&mut self.walk, Walk::Shadow { dim }), std::mem::take(&mut self.wanted));
-        self.follow(&mut code, &ray, &state, sdfs, &Stretch { start: Expr::F32(0.0), end: Some(limit) }, None);
+        self.follow(
+            &mut code,
+            &ray,
+            &state,
+            sdfs,
+            &Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None },
+            None,
+        );
         (self.walk, self.wanted) = (walk, wanted);
         let depth = Expr::Local(state.depth?);
         let extra = [state.error.map(|e| ("error", Expr::Local(e))), state.work.map(|w| ("work", Expr::Local(w)))];
@@ -360,7 +383,7 @@ impl Tracer<'_> {
             [only] => matches!(only.region, Region::Leaf(i) if spans[i].is_some()),
             _ => false,
         };
-        let Stretch { start, end } = stretch;
+        let Stretch { start, end, whole } = stretch;
         if simple {
             let span = spans.iter().flatten().next().cloned().expect("a simple scene has one span");
             let a = code.bind("enter", Ty::F32, span.clone().component(0).max(start.clone()));
@@ -371,8 +394,10 @@ impl Tracer<'_> {
             };
             let b = code.bind("leave", Ty::F32, b);
             code.open();
-            let reach = Some(b.clone() - a.clone());
-            self.segment(code, state, &media, &Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach });
+            let reach = whole.clone().unwrap_or_else(|| b.clone() - a.clone());
+            let segment =
+                Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: Some(reach), part: whole.is_some() };
+            self.segment(code, state, &media, &segment);
             let body = code.close();
             code.push_if(b.greater(a), body);
             if let Some(ledger) = &mut ledger {
@@ -380,7 +405,8 @@ impl Tracer<'_> {
             }
         } else if scene.primitives.is_empty() {
             let b = end.clone().unwrap_or(Expr::F32(FAR));
-            let segment = Segment { ray: ray.clone(), a: start.clone(), b, reach: None };
+            let reach = whole.clone();
+            let segment = Segment { ray: ray.clone(), a: start.clone(), b, reach, part: whole.is_some() };
             self.segment(code, state, &media, &segment);
             if let (false, Some(ledger)) = (scene.matter.is_empty(), &mut ledger) {
                 ledger.omit("loop over segments", "no shape cuts the rays", None);
@@ -428,18 +454,6 @@ impl Tracer<'_> {
     /// Whether a ray can take many rounds of loops.
     pub(super) fn has_loops(&self) -> bool {
         self.wants(OutputKind::Fault) && (!matches!(self.rule, StepRule::Closed) || self.scene.is_lit())
-    }
-
-    /// Whether the driver has ended loops by now: then a loop of two rounds ends after one.
-    pub(super) fn cut_short(&mut self, code: &mut Code) -> Expr {
-        let rounds = self.builder.frame(FrameValue::Rounds);
-        let done = code.var("rounds_done", Ty::U32, 0u32);
-        code.open();
-        code.add(done, 1u32);
-        code.break_if(Expr::Local(done).greater_equal(rounds.clone()));
-        let block = code.close();
-        code.push_loop(block);
-        Expr::Local(done).less(rounds)
     }
 
     fn primitive_names(&self) -> Vec<String> {
@@ -608,16 +622,19 @@ impl Tracer<'_> {
         let all_known = spans.iter().all(Option::is_some);
         let endless =
             media.iter().any(|m| self.steps(m.matter) && m.matter.region.is_unbounded(&self.scene.primitives));
-        let reach = (all_known && !endless && !matches!(self.rule, StepRule::Closed)).then(|| {
-            let ends = spans.iter().flatten();
-            let first = ends.clone().map(|s| s.clone().component(0)).reduce(Expr::min).expect("there is a shape");
-            let last = ends.map(|s| s.clone().component(1)).reduce(Expr::max).expect("there is a shape");
-            let last = match &stretch.end {
-                Some(end) => last.min(end.clone()),
-                None => last,
-            };
-            code.bind("reach", Ty::F32, last.min(1.0e30) - first.max(start))
-        });
+        let reach =
+            (all_known && !endless && !matches!(self.rule, StepRule::Closed) && stretch.whole.is_none()).then(|| {
+                let ends = spans.iter().flatten();
+                let first = ends.clone().map(|s| s.clone().component(0)).reduce(Expr::min).expect("there is a shape");
+                let last = ends.map(|s| s.clone().component(1)).reduce(Expr::max).expect("there is a shape");
+                let last = match &stretch.end {
+                    Some(end) => last.min(end.clone()),
+                    None => last,
+                };
+                code.bind("reach", Ty::F32, last.min(1.0e30) - first.max(start))
+            });
+        let reach = reach.or(stretch.whole.clone());
+        let part = stretch.whole.is_some();
         code.open();
         let next = code.var("next", Ty::F32, end.clone());
         let boundaries = Boundaries { spans, sdfs, arguments: &sdf_arguments };
@@ -629,7 +646,7 @@ impl Tracer<'_> {
         let anywhere = media.iter().map(|m| m.here.clone()).collect::<Option<Vec<Expr>>>();
         let anywhere = anywhere.and_then(|all| all.into_iter().reduce(Expr::or));
         code.open();
-        self.segment(code, state, media, &Segment { ray: ray.clone(), a: t.into(), b: next.into(), reach });
+        self.segment(code, state, media, &Segment { ray: ray.clone(), a: t.into(), b: next.into(), reach, part });
         let body = code.close();
         match anywhere {
             Some(condition) => code.push_if(condition, body),
@@ -754,7 +771,7 @@ impl Tracer<'_> {
             self.march(code, state, media, segment);
             return;
         }
-        let Segment { ray, a, b, reach } = segment;
+        let Segment { ray, a, b, reach, part } = segment;
         let far = code.bind("endless", Ty::BOOL, b.clone().greater_equal(FAR));
         let end = code.var("end", Ty::F32, b.clone());
         code.open();
@@ -763,8 +780,8 @@ impl Tracer<'_> {
         let block = code.close();
         code.push_if(far.clone(), block);
         let b = code.bind("last", Ty::F32, end);
-        let part = Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: reach.clone() };
-        self.march(code, state, media, &part);
+        let rest = Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: reach.clone(), part: *part };
+        self.march(code, state, media, &rest);
         if let Some(depth) = state.depth {
             code.open();
             if let Some(rest) = self.depth_between(code, ray, &endless, &b, &Expr::F32(FAR), "rest") {
@@ -892,7 +909,7 @@ impl Tracer<'_> {
             shown = Some(self.projected_light(&mut code, ray, projected, background));
         }
         if let (Some(fault), true) = (state.fault, self.has_loops()) {
-            let cut = self.cut_short(&mut code);
+            let cut = cut_short(self.builder, &mut code);
             code.if_(cut, |code| code.set(fault, Fault::CUT_SHORT));
         }
         let mut fields: Vec<(OutputKind, u8)> = vec![];

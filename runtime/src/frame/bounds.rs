@@ -125,6 +125,18 @@ pub(super) fn media_boxes(scene: &FieldScene, params: &[Vec<f64>], time: f64) ->
     all.filter(|corners| corners.iter().all(|c| is_finite(*c))).collect()
 }
 
+/// Lower and upper corner of a box around all media; nothing where one has no end, or there is none.
+#[must_use]
+pub(super) fn media_box(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Option<[Vec3; 2]> {
+    let of = |nodes: &[NodeId]| evaluate_frame(&scene.graph, nodes, params, time);
+    let all: Option<Vec<_>> = scene.media.iter().map(|m| boxes(&m.shape, &of)).collect();
+    let all: Vec<Vec3> = all?.into_iter().flatten().flatten().collect();
+    let extreme =
+        |pick: fn(f64, f64) -> f64| all.iter().copied().reduce(|a, b| std::array::from_fn(|k| pick(a[k], b[k])));
+    let corners = [extreme(f64::min)?, extreme(f64::max)?];
+    corners.iter().all(|c| is_finite(*c)).then_some(corners)
+}
+
 fn boxes(s: &Shape, of: &Evaluate<'_>) -> Option<Vec<[Vec3; 8]>> {
     match s {
         Shape::Everywhere => None,

@@ -45,6 +45,8 @@ pub struct Frame {
     pub slabs: super::Slabs,
     /// For splatting.
     pub lattice: super::Lattice,
+    /// Splats of files as the picture shows them.
+    pub footprints: Arc<super::Footprints>,
     /// Bounds of media on lattices, by part of the program and number in its plan.
     pub bricks: Arc<Vec<Vec<Bricks>>>,
     /// Which part is drawn.

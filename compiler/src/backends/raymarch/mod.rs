@@ -16,6 +16,7 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
+    super::refuse_splats(scene, "the ray marcher", diagnostics);
     let mut seen = Scene::new(scene, ledger, diagnostics);
     seen.refuse_endless(scene, diagnostics);
     if diagnostics.has_errors() {
@@ -90,6 +91,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         plant: None,
+        footprints: None,
         bounds: seen.bounds,
         samples,
         work_per_ray: work_per_ray * samples,

@@ -14,7 +14,7 @@ use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
 use crate::program::{Extent, Geometry, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
-use crate::transport::aim::{self, Rays};
+use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, records, resolve};
 
@@ -25,6 +25,7 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
+    super::refuse_splats(scene, "slicing", diagnostics);
     refuse(scene, options, diagnostics);
     let seen = Scene::new(scene, ledger, diagnostics);
     refuse_endless(&seen, diagnostics);
@@ -50,7 +51,7 @@ pub(super) fn build(
     let edge = divided && options.outputs.contains(&OutputKind::Edge);
     let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
     let layers = Layers::new(&slabs);
-    let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, rays);
+    let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, (rays, Aimed::Planes));
     let (outline, slice) = slice::entries(&mut builder, &slabs, &layers);
     let resolve = resolve::entry(&mut builder, &slabs, &layers, (options.rays, rays, edge), stride);
     let (extent, group) = match options.rays {
@@ -86,6 +87,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         plant: None,
+        footprints: None,
         bounds: vec![],
         samples,
         work_per_ray: count.unwrap_or(256),

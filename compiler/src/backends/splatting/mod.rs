@@ -8,8 +8,12 @@
 //!
 //! Passes: `plant` finds what is at the nodes, once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
 //! `resolve`, as in slicing. Emission is composed Gaussian by Gaussian in the order of their centres, as if each were thin.
+//!
+//! Where a scene has splats of files, those are what is drawn ([`files`]), and media between them are integrated.
 
+mod files;
 mod splat;
+mod veil;
 
 use crate::Options;
 use crate::diagnostic::{Diagnostic, Diagnostics};
@@ -17,7 +21,7 @@ use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
 use crate::program::{Extent, Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, RaySource, StepRule};
-use crate::transport::aim::{self, Rays};
+use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, records, resolve};
 
@@ -28,6 +32,9 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
+    if !scene.splats.is_empty() {
+        return files::build(scene, options, ledger, diagnostics);
+    }
     refuse(scene, options, diagnostics);
     let seen = Scene::new(scene, ledger, diagnostics);
     for (name, span) in seen.endless() {
@@ -58,7 +65,7 @@ pub(super) fn build(
     let layers = Layers::new(&pieces);
     let splats = splat::stride(&pieces);
     let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
-    let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, rays);
+    let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes));
     let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
     let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), stride);
     let (extent, group) = match options.rays {
@@ -96,6 +103,7 @@ pub(super) fn build(
         fill,
         bounds: vec![],
         plant: Some(PlantPass { kernel: 0, stride: splats }),
+        footprints: None,
         samples,
         work_per_ray: 4096,
     };

@@ -212,6 +212,13 @@ light that is scattered at most once; they do not project data (`composite`). Th
 
 ```vol
 render { backend = raymarch }
+```
+
+Splats of files (`splats`) are drawn by splatting alone, which then integrates the media between them, with or without an end, and takes any
+camera. `backend = auto` knows that:
+
+```vol
+render { backend = splatting }
 ```",
     },
     CodeInfo {

@@ -216,7 +216,13 @@ impl Needs {
                     needs.storage_bytes = needs.storage_bytes.max(u64::from(MOST_BRICKS) * 16);
                 }
                 Binding::Target(_) => needs.textures += 1,
-                Binding::Splats | Binding::SplatsRead => {
+                Binding::Footprints => {
+                    let count: u64 = program.optimised.splats.iter().map(|s| u64::from(s.header.count)).sum();
+                    let stride = program.plan.footprints.map_or(0, |f| u64::from(f.stride));
+                    needs.storage_buffers += 1;
+                    needs.storage_bytes = needs.storage_bytes.max((count * stride * 4).next_power_of_two());
+                }
+                Binding::Splats | Binding::SplatsRead | Binding::TileLists => {
                     needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(SPLAT_BYTES);
                 }

@@ -242,6 +242,24 @@ impl Prepared {
         Ok(())
     }
 
+    /// Brings splats of files to the device.
+    fn write_footprints(&mut self, frame: &Frame) -> Result<(), GpuError> {
+        let (records, lists) = (frame.footprints.records(frame.part), frame.footprints.lists());
+        let most = self.gpu.limits().max_storage_buffer_binding_size;
+        let bytes = 4 * records.len().max(lists.len()) as u64;
+        // Buffers grow to powers of two.
+        if bytes.next_power_of_two() > most {
+            let message =
+                format!("the splats take {} MB, and this adapter binds {} MB at once", bytes >> 20, most >> 20);
+            return Err(GpuError::new(GpuErrorKind::TooLarge, message)
+                .hint("draw with `--engine cpu`, or prune the file of splats"));
+        }
+        if self.resources.write_footprints(&self.gpu, records, lists) {
+            self.slots.clear();
+        }
+        Ok(())
+    }
+
     fn tiles(
         &mut self,
         frame: &Frame,
@@ -264,6 +282,9 @@ impl Prepared {
             if self.resources.write_order(&self.gpu, &frame.lattice.order, plant.stride) {
                 self.slots.clear();
             }
+        }
+        if self.program.plan.footprints.is_some() {
+            self.write_footprints(frame)?;
         }
         if let Some(fill) = self.program.plan.fill {
             self.once(&mut block, Once::Fill, fill.nodes)?;

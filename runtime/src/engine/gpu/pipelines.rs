@@ -46,6 +46,7 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
         },
         Binding::Table(_) | Binding::Mesh(_) | Binding::Rays | Binding::NotesRead | Binding::Outlines => storage(true),
         Binding::SplatsRead | Binding::Order | Binding::Bounds(_) => storage(true),
+        Binding::Footprints | Binding::TileLists => storage(true),
         Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats => storage(false),
         Binding::Target(_) => wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },

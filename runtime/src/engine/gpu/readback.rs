@@ -156,6 +156,8 @@ impl Slot {
                 Binding::Outlines => resources.outlines.as_ref().map(|o| o.0.as_entire_binding()),
                 Binding::Order => resources.order.as_ref().map(|o| o.0.as_entire_binding()),
                 Binding::Splats | Binding::SplatsRead => whole(&resources.splats),
+                Binding::Footprints => resources.footprints.as_ref().map(|f| f.0.as_entire_binding()),
+                Binding::TileLists => resources.lists.as_ref().map(|l| l.0.as_entire_binding()),
                 Binding::Target(i) => self.targets.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
             })
             .collect();

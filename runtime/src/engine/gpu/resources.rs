@@ -58,6 +58,10 @@ pub(super) struct Resources {
     pub(super) order: Option<(wgpu::Buffer, u32)>,
     /// Their coefficients.
     pub(super) splats: Option<wgpu::Buffer>,
+    /// Splats of files as the picture shows them, and how many numbers they have.
+    pub(super) footprints: Option<(wgpu::Buffer, u32)>,
+    /// Which of them cover each tile, likewise.
+    pub(super) lists: Option<(wgpu::Buffer, u32)>,
 }
 
 impl Resources {
@@ -76,6 +80,8 @@ impl Resources {
             outlines: None,
             order: None,
             splats: None,
+            footprints: None,
+            lists: None,
         };
         for binding in &program.plan.bindings {
             match binding {
@@ -131,6 +137,7 @@ impl Resources {
                 }
                 // They come with each drawing.
                 Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
+                Binding::Footprints | Binding::TileLists => {}
                 Binding::Uniforms | Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead => {}
             }
         }
@@ -151,6 +158,13 @@ impl Resources {
             self.splats = Some(storage(gpu, "splats", bytes));
         }
         write(gpu, "order", &mut self.order, bytemuck::cast_slice(order), order.len()) || !fits
+    }
+
+    /// Writes splats of files and their lists. Gives whether a buffer is another one now.
+    pub(super) fn write_footprints(&mut self, gpu: &Gpu, records: &[f32], lists: &[u32]) -> bool {
+        let (records, lists) = (bytemuck::cast_slice(records), bytemuck::cast_slice(lists));
+        let moved = write(gpu, "footprints", &mut self.footprints, records, records.len() / 4);
+        write(gpu, "lists", &mut self.lists, lists, lists.len() / 4) || moved
     }
 
     /// Writes the bounds of media.

@@ -98,6 +98,7 @@ fn program(
             steps: StepRule::Closed,
             fill: None,
             plant: None,
+            footprints: None,
             bounds: vec![],
             samples: 1,
             work_per_ray: 1,
@@ -128,6 +129,7 @@ fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
         grids: vec![],
         slabs: crate::frame::Slabs::default(),
         lattice: crate::frame::Lattice::default(),
+        footprints: Arc::default(),
         bricks: Arc::default(),
         part: 0,
     }

@@ -113,6 +113,7 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::LatticeLow => frame.lattice.low.to_vec(),
         FrameValue::LatticeSpacing => vec![frame.lattice.spacing],
         FrameValue::LatticeCounts => frame.lattice.counts.map(f64::from).to_vec(),
+        FrameValue::ListEdge => vec![f64::from(frame.footprints.edge())],
     })
 }
 
@@ -146,7 +147,8 @@ fn of_part(value: FrameValue, part: Part, repeat: u32) -> Vec<f64> {
         | FrameValue::BoundsHigh
         | FrameValue::LatticeLow
         | FrameValue::LatticeSpacing
-        | FrameValue::LatticeCounts => vec![],
+        | FrameValue::LatticeCounts
+        | FrameValue::ListEdge => vec![],
     }
 }
 

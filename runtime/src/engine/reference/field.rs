@@ -7,10 +7,10 @@ use super::light::{self, LightField};
 use super::paths::bound::Majorants;
 use super::paths::phase::PhaseTable;
 use super::shape::{self, AltitudeRay, Solid};
-use super::splats::{self, Placed};
 use super::surface::{self, SurfaceField};
 use super::trace::BANDS;
 use crate::frame::vector::{Vec3, along};
+use crate::frame::{Placed, placed};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::derive::gradient;
 use compiler::ir::eval::{Environment, Scratch, Tables, Tape, Voxels, evaluate_with};
@@ -218,7 +218,7 @@ impl Fields {
         };
         let lights = light::evaluate(scene, bands, &frame)?;
         let surfaces = surface::evaluate(scene, &frame, &mut solid_of)?;
-        let splats = splats::evaluate(scene, &frame)?;
+        let splats = placed(scene, &frame)?;
         let mut solids = vec![];
         for medium in &scene.media {
             solids.push(solid_of(&medium.shape).map_err(|part| {

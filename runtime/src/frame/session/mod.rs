@@ -1,6 +1,7 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
 mod canvas;
+mod files;
 mod random;
 mod refine;
 mod slabs;
@@ -342,11 +343,6 @@ impl Session {
                 warnings.push(at_splats(diagnostic, infos, i));
             }
         }
-        // Of pictures without them nobody is served.
-        if settings.engine == EngineChoice::Gpu && !program.lowered.splats.is_empty() {
-            warnings.push(splats_on_gpu(infos));
-            return Err(trouble(Cause::Input, &warnings));
-        }
         let program = Arc::new(program);
         let (engine, fallback) = choose(&program, shaders, (grids.loaded(), &meshes), &settings).map_err(|error| {
             warnings.push(machine(&error));
@@ -533,6 +529,7 @@ impl Session {
             grids: self.grid_ranges.clone(),
             slabs: super::Slabs::default(),
             lattice: super::Lattice::default(),
+            footprints: Arc::default(),
             bricks: self.bricks(params, time, camera.is_some()),
             part: 0,
         }
@@ -577,7 +574,11 @@ impl Session {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Drawing, Trouble> {
         let scene = &self.program.lowered;
-        let frame = self.frame(params, time, Some(camera), scene_bounds(scene, &params.0, time));
+        let mut frame = self.frame(params, time, Some(camera), scene_bounds(scene, &params.0, time));
+        if self.program.plan.footprints.is_some() {
+            frame.footprints = self.footprints_of_picture(params, time, (camera, &frame))?;
+            frame.slabs.bounds = self.media_box(params, time);
+        }
         let (canvas, timing) = self.canvas(&frame, progress)?;
         self.drawing(canvas, timing, params, time)
     }
@@ -820,6 +821,11 @@ impl Session {
         let mut frame = self.frame(params, settings.time, None, bounds);
         change(&mut frame);
         let packed: Vec<_> = rays.iter().map(|(o, d)| pack_ray(*o, *d, bounds)).collect();
+        if self.program.plan.footprints.is_some() {
+            let starts: Vec<f64> = packed.iter().map(|ray| f64::from(ray[3])).collect();
+            frame.footprints = self.footprints_of_rays(params, settings.time, (rays, &starts))?;
+            frame.slabs.bounds = self.media_box(params, settings.time);
+        }
         let mut answers = vec![RayAnswer::blank(self.program.places.len(), "estimate"); rays.len()];
         let mut faults = FaultTally::default();
         let traced = trace_parts(&mut self.engine, &self.program, &frame, &packed, &mut |reader, ray, record| {
@@ -890,15 +896,6 @@ fn at_splats(diagnostic: Diagnostic, splats: &[SplatsInfo], item: usize) -> Diag
     }
 }
 
-fn splats_on_gpu(infos: &[SplatsInfo]) -> Diagnostic {
-    let diagnostic = Diagnostic::error("E0909", "splats of files are not drawn on the GPU yet")
-        .hint("use `--engine cpu` or `--engine reference`, which draw them");
-    match infos.first().and_then(|s| s.span) {
-        Some(span) => diagnostic.at(span, "these splats"),
-        None => diagnostic,
-    }
-}
-
 fn machine(error: &GpuError) -> Diagnostic {
     let mut diagnostic = Diagnostic::error(error.kind.code(), error.message.clone());
     diagnostic.hints.extend(error.hint.clone());
@@ -923,10 +920,6 @@ fn choose(
         EngineChoice::Gpu => Ok((gpu()?, None)),
         EngineChoice::Cpu => Ok((Engine::Cpu, None)),
         EngineChoice::Reference => Ok((Engine::Reference, None)),
-        // Better slow than without them.
-        EngineChoice::Auto if !program.lowered.splats.is_empty() => {
-            Ok((Engine::Cpu, Some("splats of files are not drawn on the GPU yet".into())))
-        }
         EngineChoice::Auto => match gpu() {
             Ok(engine) => Ok((engine, None)),
             // Whoever names an adapter wants that one.

@@ -16,62 +16,17 @@
 pub(super) mod veil;
 pub(super) mod view;
 
-use super::field::with_span;
 use super::trace::{BANDS, PerBand};
 use crate::data::splats::{Splats, color};
+use crate::frame::Placed;
 use crate::frame::vector::{Vec3, dot, normalize, sub};
 use crate::image::{srgb_decode, srgb_encode};
-use compiler::diagnostic::Diagnostic;
-use compiler::ir::{FieldScene, NodeId, SplatBlend};
+use compiler::ir::FieldScene;
 use std::sync::Arc;
 use veil::{Layer, Light};
 
 /// A symmetric 3×3 matrix.
 pub(super) type Symmetric = [Vec3; 3];
-
-/// Where an item of splats is in one frame.
-#[derive(Copy, Clone, Debug)]
-pub(in crate::engine::reference) struct Placed {
-    /// Rows of the map from the file's space to the world.
-    rows: Symmetric,
-    offset: Vec3,
-    /// Rows of its inverse.
-    back: Symmetric,
-    encoded: bool,
-}
-
-const IDENTITY: Symmetric = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
-/// Evaluates where splats are. `frame` gives the numbers of nodes of tier Frame.
-///
-/// # Errors
-/// `E0651` for a transform that is not finite.
-pub(super) fn evaluate(
-    scene: &FieldScene,
-    frame: &dyn Fn(&[NodeId]) -> Vec<Vec<f64>>,
-) -> Result<Vec<Placed>, Diagnostic> {
-    let mut all = vec![];
-    for info in &scene.splats {
-        let encoded = info.blend == SplatBlend::Encoded;
-        let placed = match &info.placement {
-            None => Placed { rows: IDENTITY, offset: [0.0; 3], back: IDENTITY, encoded },
-            Some(p) => {
-                let (to, from) = (p.to_world, p.from_world);
-                let nodes: Vec<NodeId> = to.rows.into_iter().chain(from.rows).chain([to.offset]).collect();
-                let values = frame(&nodes);
-                let three = |i: usize| -> Vec3 { std::array::from_fn(|c| values[i][c.min(values[i].len() - 1)]) };
-                if !(0..7).all(|i| crate::frame::vector::is_finite(three(i))) {
-                    let message = format!("the transform of the splats `{}` is not finite", info.name);
-                    return Err(with_span(Diagnostic::error("E0651", message), info.span)
-                        .hint("check the params and divisions that it uses"));
-                }
-                Placed { rows: [0, 1, 2].map(three), offset: three(6), back: [3, 4, 5].map(three), encoded }
-            }
-        };
-        all.push(placed);
-    }
-    Ok(all)
-}
 
 /// One splat in the world, in the graph's units.
 #[derive(Copy, Clone, Debug)]

@@ -1,0 +1,96 @@
+//! Splats of files: what the runtime projects and puts in order, blended in each pixel with the media between them.
+//!
+//! A splat is a thin layer where the ray is abreast of its centre. A pixel goes through the list of its tile from the farthest to
+//! the nearest, with what the surface or the sky behind sends; the stretch of the media between two of them acts on radiances
+//! as everywhere, and the splat on encoded numbers or on radiances, as its scene says. So the order of layers is that of the
+//! picture, the media between them are integrated and not sampled once, and blending knows no threshold.
+//!
+//! Passes: `aim` finds the rays; `blend` goes along them.
+
+use super::{cannot, veil};
+use crate::Options;
+use crate::diagnostic::Diagnostics;
+use crate::fields::KernelBuilder;
+use crate::ir::{FieldScene, Projection};
+use crate::program::kernel::{Kernel, Stage};
+use crate::program::{Extent, FootprintLayout, FootprintShape, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::transport::aim::{self, Aimed, Rays};
+use crate::transport::{Scene, Tracer, records};
+
+/// Kernels and plan of a scene with splats of files.
+pub(super) fn build(
+    scene: &mut FieldScene,
+    options: &Options,
+    ledger: &mut Ledger,
+    diagnostics: &mut Diagnostics,
+) -> Option<(Vec<Kernel>, Plan)> {
+    let seen = Scene::new(scene, ledger, diagnostics);
+    seen.refuse_endless(scene, diagnostics);
+    if scene.render.splats.is_some() {
+        diagnostics.push(cannot(
+            "make Gaussians of media beside splats of files: it integrates media there",
+            "`splats` beside an item of splats",
+        ));
+    }
+    if diagnostics.has_errors() {
+        return None;
+    }
+    let steps = options.steps.or(if options.accuracy.is_some() { None } else { scene.render.steps });
+    let rule = match steps {
+        _ if seen.closed => StepRule::Closed,
+        Some(n) => StepRule::Fixed(n),
+        None => StepRule::Adaptive(options.accuracy.unwrap_or(scene.render.accuracy)),
+    };
+    if seen.closed {
+        ledger.omit("loop over steps", "every coefficient has a closed form along a ray", None);
+    }
+    ledger.omit("lattice of splats", "media between splats of files are integrated", None);
+    let aa = options.aa.unwrap_or(scene.image.aa);
+    let samples = records::samples(aa, options.rays, ledger);
+    let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
+    let rays = Rays::new(samples, divided);
+    let mut builder = KernelBuilder::default();
+    let tracer = Tracer::new(scene, &seen, &mut builder, rule, records::wanted(&options.outputs));
+    let pieces = tracer.write_slabs(ledger);
+    let shape = match (options.rays, scene.camera.projection) {
+        (RaySource::List, _) => FootprintShape::Ray,
+        (RaySource::Camera, Projection::Perspective { .. } | Projection::Orthographic { .. }) => FootprintShape::Plane,
+        (RaySource::Camera, Projection::Panorama) => FootprintShape::Around,
+    };
+    let layout = FootprintLayout { shape, stride: shape.head() + scene.bands.wavelengths.len() as u32 };
+    let edge = divided && options.outputs.contains(&OutputKind::Edge);
+    let fields = veil::fields(&pieces, edge);
+    let (outputs, stride) = records::layout(&fields, false);
+    let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Point));
+    let blend = veil::entry(scene, &mut builder, &pieces, layout, (rays, stride), (&fields, ledger));
+    let (extent, group) = match options.rays {
+        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
+        RaySource::List => (Extent::Rays, [64, 1, 1]),
+    };
+    let mut entries = vec![("aim", Stage::Compute(group), aim), ("blend", Stage::Compute(group), blend)];
+    let fill = pieces.fill.map(|(fill, entry)| {
+        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
+        crate::program::FillPass { kernel: entries.len() as u32 - 1, ..fill }
+    });
+    let (kernels, bindings, uniforms) = builder.finish(entries);
+    let plan = Plan {
+        backend: "splatting",
+        rays: options.rays,
+        outputs,
+        stride,
+        bindings,
+        uniforms,
+        passes: vec![Pass::Compute { kernel: 0, extent }, Pass::Compute { kernel: 1, extent }],
+        targets: vec![],
+        notes: aim::NOTES,
+        repeats: rays.count(),
+        steps: rule,
+        fill,
+        plant: None,
+        footprints: Some(layout),
+        bounds: vec![],
+        samples,
+        work_per_ray: 512,
+    };
+    Some((kernels, plan))
+}

@@ -1,0 +1,518 @@
+//! `blend`: one ray through the splats of its list and the media between them, from the farthest to the nearest.
+
+use crate::fields::{Code, Helper, KernelBuilder};
+use crate::ir::{FieldScene, SplatBlend};
+use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Prim, Ty};
+use crate::program::{Fault, FootprintLayout, FootprintShape, FrameValue, Ledger, OutputKind, RaySource};
+use crate::transport::aim::{Note, Rays};
+use crate::transport::cut_short;
+use crate::transport::layers::{component, components};
+use crate::transport::records::{self, Pixel};
+use crate::transport::slab::{Part, Pieces};
+
+/// Largest optical depth that f32 holds, and some room.
+const OPAQUE: f64 = 3.0e38;
+/// What an error of encoded numbers e becomes in light is at most 2.4·light/e times as large, and e ≥ error.
+const DECODED: f64 = 2.4;
+/// Where media lie between encoded splats, a change behind a splat may be this many times as large before it, where it is dark.
+const THROUGH_DARK: f64 = 13.0;
+
+/// What comes out.
+pub(super) fn fields(pieces: &Pieces, edge: bool) -> Vec<(OutputKind, u8)> {
+    let mut fields = pieces.whole.fields.clone();
+    // Lists are long: the loop over one may be cut short even where nothing else is.
+    if !fields.iter().any(|f| f.0 == OutputKind::Fault) {
+        fields.push((OutputKind::Fault, 4));
+    }
+    if edge {
+        fields.push((OutputKind::Edge, 1));
+    }
+    fields
+}
+
+/// How splats are blended, and what the sum is in at a place of the code.
+enum Numbers {
+    /// Radiances, all along.
+    Linear,
+    /// Encoded between the first splat and the last, with no medium there.
+    Encoded,
+    /// Encoded when the variable says so.
+    Either(LocalId),
+}
+
+/// Largest component.
+fn largest(value: &Expr, width: u8) -> Expr {
+    let ty = Ty::float(width);
+    (1..width).fold(component(value.clone(), ty, 0), |m, i| m.max(component(value.clone(), ty, i)))
+}
+
+/// A function of each component.
+fn each(code: &mut Code, name: &str, width: u8, value: Expr, f: impl Fn(Expr) -> Expr) -> Expr {
+    let ty = Ty::float(width);
+    let value = code.bind(name, ty, value);
+    let parts: Vec<Expr> = (0..width).map(|i| f(component(value.clone(), ty, i))).collect();
+    if let [only] = parts.as_slice() { only.clone() } else { Expr::Compose(ty, parts) }
+}
+
+fn fitted(value: Expr, from: u8, to: u8) -> Expr {
+    if from == to { value } else { value.splat(to) }
+}
+
+/// The ray as it is followed, from its far end to the eye.
+struct Blend<'a> {
+    pieces: &'a Pieces,
+    note: Note,
+    /// Width of light, and of optical depths.
+    lw: u8,
+    dw: u8,
+    numbers: Numbers,
+    encode: Option<FunctionId>,
+    decode: Option<FunctionId>,
+    light: LocalId,
+    /// Of each band, in the numbers that `light` is in.
+    error: Option<LocalId>,
+    depth: Option<LocalId>,
+    /// −log of what splats let through.
+    veiled: Option<LocalId>,
+    work: Option<LocalId>,
+    fault: LocalId,
+    fault_at: LocalId,
+    /// Where what has been followed so far begins.
+    here: LocalId,
+    /// Length that errors of media are shared out over, once it is known.
+    part_of: Option<LocalId>,
+    /// The largest radiance so far, and of encoded colours.
+    most: Option<LocalId>,
+    most_encoded: Option<LocalId>,
+}
+
+impl Blend<'_> {
+    /// Slope of the code of sRGB at a radiance, or of its inverse at an encoded number.
+    fn slope(decoding: bool, value: Expr) -> Expr {
+        let power = |x: Expr, p: f64| Expr::math(crate::program::kernel::Math::Pow, [x, Expr::F32(p)]);
+        if decoding {
+            let curve = power((value.clone().max(0.0) + 0.055) / 1.055, 1.4) * (2.4 / 1.055);
+            value.less_equal(0.040_45).select(1.0 / 12.92, curve)
+        } else {
+            let curve = power(value.clone().max(1e-30), 1.0 / 2.4 - 1.0) * (1.055 / 2.4);
+            value.less_equal(0.003_130_8).select(12.92, curve)
+        }
+    }
+
+    /// Makes encoded numbers of radiances, or radiances of encoded numbers, whatever they are now.
+    fn convert(&self, code: &mut Code, to_encoded: bool) {
+        let (Some(encode), Some(decode)) = (self.encode, self.decode) else { return };
+        let condition = match self.numbers {
+            Numbers::Linear | Numbers::Encoded => return,
+            Numbers::Either(flag) => flag,
+        };
+        code.open();
+        self.change(code, if to_encoded { encode } else { decode }, !to_encoded);
+        code.set(condition, Expr::Bool(to_encoded));
+        let block = code.close();
+        let condition = Expr::Local(condition);
+        code.push_if(if to_encoded { !condition } else { condition }, block);
+    }
+
+    /// The same without asking.
+    fn change(&self, code: &mut Code, function: FunctionId, decoding: bool) {
+        let before = Expr::Local(self.light);
+        if let Some(error) = self.error {
+            let slope = each(code, "at", self.lw, before.clone(), |x| Self::slope(decoding, x));
+            code.set(error, Expr::Local(error) * slope);
+        }
+        let after = each(code, "before", self.lw, before, |x| Expr::Call(function, vec![x]));
+        code.set(self.light, after);
+    }
+
+    /// Goes from where it is to `to`, through the media between.
+    fn stretch(&self, code: &mut Code, to: &Expr) {
+        if self.pieces.parts.is_empty() {
+            return;
+        }
+        code.open();
+        let note = &self.note;
+        let mut arguments = vec![note.origin.clone(), note.direction.clone(), to.clone(), self.here.into()];
+        arguments.extend(self.part_of.map(Expr::Local));
+        let value = code.bind("between", self.pieces.result, Expr::Call(self.pieces.piece, arguments));
+        let part = |part| self.pieces.place(part).map(|i| value.clone().field(i));
+        let (light, depth) = (part(Part::Light), part(Part::Depth));
+        // Where there is nothing, numbers stay what they are.
+        let there = [depth.clone().map(|d| largest(&d, self.dw)), light.clone().map(|l| largest(&l, self.lw))];
+        let there =
+            there.into_iter().flatten().chain(part(Part::Error).filter(|_| self.error.is_some())).reduce(Expr::max);
+        code.open();
+        self.convert(code, false);
+        let through = depth.clone().map(|d| code.bind("through", Ty::float(self.dw), (-d).exp()));
+        let mut sum = Expr::Local(self.light);
+        if let Some(through) = &through {
+            sum = fitted(through.clone(), self.dw, self.lw) * sum;
+        }
+        if let Some(light) = light {
+            sum = light + sum;
+        }
+        code.set(self.light, sum);
+        if let Some(error) = self.error {
+            let seen = through.map_or(Expr::Local(error), |t| fitted(t, self.dw, self.lw) * error);
+            let own = part(Part::Error).unwrap_or(Expr::F32(0.0));
+            code.set(error, seen + own.splat(self.lw));
+        }
+        if let Some(most) = self.most {
+            code.set(most, Expr::Local(most).max(largest(&self.light.into(), self.lw)));
+        }
+        if let (Some(total), Some(depth)) = (self.depth, depth) {
+            // At most what an endless column has.
+            code.set(total, (Expr::Local(total) + depth).min(Expr::F32(OPAQUE).splat(self.dw)));
+        }
+        let changed = code.close();
+        match there {
+            Some(there) => code.push_if(there.greater(0.0), changed),
+            None => code.push_all(changed),
+        }
+        if let (Some(work), Some(own)) = (self.work, part(Part::Work)) {
+            code.add(work, own.convert(Prim::F32));
+        }
+        if let Some(own) = part(Part::Fault) {
+            code.open();
+            code.set(self.fault, own.clone());
+            let middle = (to.clone() + Expr::Local(self.here).min(1.0e30)) * 0.5;
+            code.set(self.fault_at, note.origin.clone() + note.direction.clone() * middle.splat(3));
+            let block = code.close();
+            code.push_if(own.greater(0u32), block);
+        }
+        code.set(self.here, to.clone());
+        let block = code.close();
+        code.push_if(Expr::Local(self.here).greater(to.clone()), block);
+    }
+}
+
+/// A footprint at the point of the picture, or on the ray: t, α, and whether its colours are encoded.
+struct Met {
+    t: Expr,
+    alpha: Expr,
+    encoded: Expr,
+    /// Where its colours are.
+    colors: Expr,
+}
+
+/// What is the same for all footprints on a ray.
+struct Place {
+    layout: FootprintLayout,
+    direction: Expr,
+    /// Pixels from the middle of the picture, and the cosine to the view.
+    plane: Option<(Expr, Expr, Expr)>,
+}
+
+impl Place {
+    fn new(builder: &mut KernelBuilder, code: &mut Code, layout: FootprintLayout, note: &Note) -> Self {
+        let plane = (layout.shape == FootprintShape::Plane).then(|| {
+            let size = builder.frame(FrameValue::ImageSize).convert(Prim::F32);
+            let size = code.bind("size", Ty::float(2), size);
+            let x = code.bind("from_middle_x", Ty::F32, note.first.clone() - size.clone().component(0) * 0.5);
+            let y = code.bind("from_middle_y", Ty::F32, note.step.clone() - size.component(1) * 0.5);
+            let facing = note.direction.clone().dot(builder.frame(FrameValue::CameraForward));
+            (x, y, code.bind("facing", Ty::F32, facing))
+        });
+        Self { layout, direction: note.direction.clone(), plane }
+    }
+}
+
+fn meet(builder: &mut KernelBuilder, code: &mut Code, place: &Place, number: &Expr) -> Met {
+    let footprints = builder.footprints();
+    let base = code.bind("base", Ty::U32, number.clone() * place.layout.stride);
+    let mut next = 0u32;
+    let mut read = |code: &mut Code, name: &str| {
+        next += 1;
+        code.bind(name, Ty::F32, Expr::Load(footprints, Box::new(base.clone() + (next - 1))))
+    };
+    let depth = read(code, "depth");
+    let (t, power) = match (place.layout.shape, &place.plane) {
+        (FootprintShape::Plane, Some((x, y, facing))) => {
+            let [xx, xy, x0, yy, y0] = ["xx", "xy", "x0", "yy", "y0"].map(|name| read(code, name));
+            let u = code.bind("u", Ty::F32, xx * x.clone() + xy * y.clone() + x0);
+            let v = code.bind("v", Ty::F32, yy * y.clone() + y0);
+            let t = code.bind("t", Ty::F32, depth / facing.clone());
+            (t, Some(u.clone() * u + v.clone() * v))
+        }
+        (FootprintShape::Ray | FootprintShape::Plane, _) => (depth, None),
+        (FootprintShape::Around, _) => {
+            let mut axis = |name: &str| {
+                let parts = ["x", "y", "z"].map(|part| read(code, &format!("{name}_{part}")));
+                code.bind(name, Ty::VEC3, Expr::Compose(Ty::VEC3, parts.into())).dot(place.direction.clone())
+            };
+            let [a, b, c] = ["a", "b", "c"].map(&mut axis);
+            let ahead = code.bind("ahead", Ty::F32, c);
+            let u = code.bind("u", Ty::F32, a / ahead.clone());
+            let v = code.bind("v", Ty::F32, b / ahead.clone());
+            (depth, Some(ahead.greater(0.0).select(u.clone() * u + v.clone() * v, 1.0e30)))
+        }
+    };
+    let opacity = read(code, "opacity");
+    let mut alpha = opacity.clone().abs();
+    if let Some(power) = power {
+        alpha = alpha * (power * -0.5).exp();
+    }
+    let alpha = code.bind("alpha", Ty::F32, alpha);
+    Met { t, alpha, encoded: opacity.less(0.0), colors: base + place.layout.shape.head() }
+}
+
+/// −log(1 − α), at most [`OPAQUE`].
+fn veiled(code: &mut Code, alpha: &Expr) -> Expr {
+    let a = || alpha.clone();
+    // Where 1 − α loses digits, five terms of the series are right to 1e-8.
+    let series =
+        a() * (Expr::F32(1.0) + a() * (Expr::F32(0.5) + a() * (Expr::F32(1.0 / 3.0) + a() * (a() * 0.2 + 0.25))));
+    let left = code.bind("left", Ty::F32, Expr::F32(1.0) - a());
+    let log = -Expr::math(crate::program::kernel::Math::Log, [left.clone().max(1e-30)]);
+    let log = left.greater(0.0).select(log, OPAQUE);
+    alpha.clone().less(0.03).select(series, log)
+}
+
+/// The entry point.
+pub(super) fn entry(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    pieces: &Pieces,
+    layout: FootprintLayout,
+    (rays, stride): (Rays, u32),
+    (fields, ledger): (&[(OutputKind, u8)], &mut Ledger),
+) -> Function {
+    let mut code = Code::new("blend", None);
+    let source = if layout.shape == FootprintShape::Ray { RaySource::List } else { RaySource::Camera };
+    let record = match source {
+        RaySource::Camera => {
+            let Pixel { record, .. } = records::pixel(builder, &mut code);
+            record
+        }
+        RaySource::List => records::listed(builder, &mut code),
+    };
+    let note = Note::read(builder, &mut code, &record);
+    if rays != Rays::One {
+        // The other side of an edge, where there is none.
+        let again = Expr::binary(BinaryOp::NotEqual, builder.frame(FrameValue::Repeat), 0u32);
+        code.if_(again.and(note.weight.clone().less_equal(0.0)), Code::return_nothing);
+    }
+    let origin = builder.frame(FrameValue::TileOrigin);
+    let tile = match source {
+        RaySource::List => origin.component(0) + record.clone(),
+        RaySource::Camera => {
+            let size = builder.frame(FrameValue::ImageSize);
+            let edge = builder.frame(FrameValue::ListEdge);
+            let whole = |at: &Expr| at.clone().convert(Prim::U32) / edge.clone();
+            let across = (size.component(0) + edge.clone() - 1u32) / edge.clone();
+            whole(&note.step) * across + whole(&note.first)
+        }
+    };
+    let lists = builder.tile_lists();
+    let tile = code.bind("tile", Ty::U32, tile * 3u32);
+    let list = |i: u32| Expr::Load(lists, Box::new(tile.clone() + i));
+    let first = code.bind("first_of_list", Ty::U32, list(0));
+    let next = code.var("next", Ty::U32, list(3));
+
+    // What lies behind everything.
+    let mut arguments = vec![note.origin.clone(), note.direction.clone(), note.start.clone()];
+    if pieces.place(Part::Fault).is_some() {
+        arguments.push(Expr::F32(0.0).splat(3));
+    }
+    for (part, ty) in &pieces.parts {
+        arguments.push(match part {
+            Part::Light | Part::Depth => Expr::F32(0.0).splat(components(*ty)),
+            Part::Error => Expr::F32(0.0),
+            Part::Work | Part::Fault => Expr::U32(0),
+        });
+    }
+    let whole = builder.result_of(pieces.whole.function);
+    let whole = code.bind("behind", whole, Expr::Call(pieces.whole.function, arguments));
+    let found = |kind: OutputKind| {
+        let place = pieces.whole.fields.iter().position(|f| f.0 == kind)?;
+        Some((whole.clone().field(place as u32), pieces.whole.fields[place].1))
+    };
+    let lw = (layout.stride - layout.shape.head()) as u8;
+    let dw = pieces.place(Part::Depth).map_or(1, |i| components(pieces.parts[i as usize].1));
+    let wants = |kind: OutputKind| fields.iter().any(|f| f.0 == kind);
+    let through = wants(OutputKind::Transmittance) || wants(OutputKind::OpticalDepth);
+    let media = !pieces.parts.is_empty();
+    let blends = |blend: SplatBlend| scene.splats.iter().any(|s| s.blend == blend);
+    let (encoded, linear) = (blends(SplatBlend::Encoded), blends(SplatBlend::Linear));
+    if !encoded {
+        ledger.omit("encoding of light", "all splats are blended linearly", None);
+    }
+    let light = found(OutputKind::Radiance).map_or(Expr::F32(0.0).splat(lw), |(value, width)| fitted(value, width, lw));
+    let light = code.var("light", Ty::float(lw), light);
+    // Where nothing is stepped through, nothing is wrong but what lists leave out.
+    let error = found(OutputKind::Error).filter(|_| pieces.place(Part::Error).is_some());
+    let error = error.map(|(value, _)| code.var("error", Ty::float(lw), value.splat(lw)));
+    let told = wants(OutputKind::Error);
+    let fault = match found(OutputKind::Fault) {
+        Some((value, _)) => {
+            let value = code.bind("fault_behind", Ty::float(4), value);
+            let at = (1..4).map(|i| value.clone().component(i)).collect();
+            let bits = value.component(0).bitcast(Prim::U32);
+            (code.var("fault", Ty::U32, bits), code.var("fault_at", Ty::VEC3, Expr::Compose(Ty::VEC3, at)))
+        }
+        None => (code.var("fault", Ty::U32, 0u32), code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3))),
+    };
+    let zeros = |width: u8| Expr::F32(0.0).splat(width);
+    let brightest = largest(&light.into(), lw);
+    let numbers = match (encoded, linear, media) {
+        (false, _, _) => Numbers::Linear,
+        (true, false, false) => Numbers::Encoded,
+        (true, _, _) => Numbers::Either(code.var("is_encoded", Ty::BOOL, Expr::Bool(false))),
+    };
+    let blend = Blend {
+        pieces,
+        lw,
+        dw,
+        numbers,
+        encode: encoded.then(|| builder.helper(&scene.graph, Helper::SrgbEncode)),
+        decode: encoded.then(|| builder.helper(&scene.graph, Helper::SrgbDecode)),
+        light,
+        error,
+        depth: (through && pieces.place(Part::Depth).is_some()).then(|| code.var("depth", Ty::float(dw), zeros(dw))),
+        veiled: through.then(|| code.var("veiled", Ty::F32, 0.0)),
+        work: found(OutputKind::Evaluations).map(|(value, _)| code.var("work", Ty::F32, value)),
+        fault: fault.0,
+        fault_at: fault.1,
+        here: code.var("here", Ty::F32, note.end.clone()),
+        part_of: pieces.controlled.then(|| code.var("part_of", Ty::F32, 0.0)),
+        most: told.then(|| code.var("most", Ty::F32, brightest)),
+        most_encoded: (told && encoded).then(|| code.var("most_encoded", Ty::F32, 0.0)),
+        note,
+    };
+    if let (Numbers::Encoded, Some(encode)) = (&blend.numbers, blend.encode) {
+        blend.change(&mut code, encode, false);
+    }
+    let place = Place::new(builder, &mut code, layout, &blend.note);
+    code.open();
+    code.break_if(Expr::Local(next).less_equal(first));
+    code.set(next, Expr::Local(next) - 1u32);
+    let number = code.bind("number", Ty::U32, Expr::Load(lists, Box::new(next.into())));
+    let met = meet(builder, &mut code, &place, &number);
+    let seen = met.alpha.clone().greater(0.0).and(met.t.clone().less(blend.note.end.clone()));
+    code.open();
+    blend.layer(&mut code, builder, &met, linear);
+    let layer = code.close();
+    code.push_if(seen, layer);
+    let block = code.close();
+    code.push_loop(block);
+    let start = blend.note.start.clone();
+    blend.stretch(&mut code, &start);
+    match (&blend.numbers, blend.decode) {
+        (Numbers::Encoded, Some(decode)) => blend.change(&mut code, decode, true),
+        _ => blend.convert(&mut code, false),
+    }
+    let cut = cut_short(builder, &mut code);
+    code.if_(cut, |code| code.set(blend.fault, Fault::CUT_SHORT));
+    let left_out = (list(1).bitcast(Prim::F32), list(2).bitcast(Prim::F32));
+    let values = blend.values(&mut code, fields, left_out, media);
+    let weight = (rays != Rays::One).then_some(&blend.note.weight);
+    records::gather(builder, &mut code, (fields, values), (&record, stride), weight);
+    code.finish(None)
+}
+
+impl Blend<'_> {
+    /// The media behind a splat, and the splat over it.
+    fn layer(&self, code: &mut Code, builder: &mut KernelBuilder, met: &Met, linear: bool) {
+        if let Some(part_of) = self.part_of {
+            // From where the media begin to the farthest splat.
+            let low = builder.frame(FrameValue::BoundsLow);
+            let high = builder.frame(FrameValue::BoundsHigh);
+            let arguments = vec![self.note.origin.clone(), self.note.direction.clone(), low, high];
+            code.open();
+            let span = code.bind("span", Ty::float(2), Expr::Call(self.pieces.through_box, arguments));
+            let begin = span.clone().component(0).max(self.note.start.clone());
+            let length = met.t.clone().min(span.component(1)) - begin;
+            code.set(part_of, length.max(1e-30));
+            let block = code.close();
+            self.stretch(code, &met.t);
+            code.push_if(Expr::Local(part_of).equal(0.0), block);
+        } else {
+            self.stretch(code, &met.t);
+        }
+        match self.numbers {
+            Numbers::Linear | Numbers::Encoded => {}
+            Numbers::Either(_) if !linear => self.convert(code, true),
+            Numbers::Either(_) => {
+                code.open();
+                self.convert(code, true);
+                let encoded = code.close();
+                code.open();
+                self.convert(code, false);
+                let plain = code.close();
+                code.push_if_else(met.encoded.clone(), encoded, plain);
+            }
+        }
+        let footprints = builder.footprints();
+        let first = code.bind("colors", Ty::U32, met.colors.clone());
+        let parts: Vec<Expr> = (0..u32::from(self.lw))
+            .map(|i| code.bind("color", Ty::F32, Expr::Load(footprints, Box::new(first.clone() + i))))
+            .collect();
+        let colors =
+            if let [only] = parts.as_slice() { only.clone() } else { Expr::Compose(Ty::float(self.lw), parts) };
+        let colors = code.bind("blended", Ty::float(self.lw), colors);
+        let left = code.bind("left_through", Ty::F32, Expr::F32(1.0) - met.alpha.clone());
+        let sum =
+            colors.clone() * met.alpha.clone().splat(self.lw) + Expr::Local(self.light) * left.clone().splat(self.lw);
+        code.set(self.light, sum);
+        if let Some(error) = self.error {
+            code.set(error, Expr::Local(error) * left.splat(self.lw));
+        }
+        let bright = largest(&colors, self.lw);
+        match (self.most, self.most_encoded) {
+            (Some(most), None) => code.set(most, Expr::Local(most).max(bright)),
+            (Some(_), Some(encoded)) if !linear => code.set(encoded, Expr::Local(encoded).max(bright)),
+            (Some(most), Some(encoded)) => {
+                let bright = code.bind("bright", Ty::F32, bright);
+                let zero = || Expr::F32(0.0);
+                code.set(encoded, Expr::Local(encoded).max(met.encoded.clone().select(bright.clone(), zero())));
+                code.set(most, Expr::Local(most).max(met.encoded.clone().select(zero(), bright)));
+            }
+            (None, _) => {}
+        }
+        if let Some(total) = self.veiled {
+            let own = veiled(code, &met.alpha);
+            code.set(total, (Expr::Local(total) + own).min(OPAQUE));
+        }
+    }
+
+    /// The outputs, with what was left out of the list (the sum of its α, and its largest radiance) in the error.
+    fn values(&self, code: &mut Code, fields: &[(OutputKind, u8)], left_out: (Expr, Expr), media: bool) -> Vec<Expr> {
+        let depth = self.veiled.map(|veiled| {
+            let all = match self.depth {
+                Some(depth) => Expr::Local(depth) + Expr::Local(veiled).splat(self.dw),
+                None => veiled.into(),
+            };
+            code.bind("depth_of_all", Ty::float(self.dw), all.min(Expr::F32(OPAQUE).splat(self.dw)))
+        });
+        let error = self.most.map(|most| {
+            let mut bright = Expr::Local(most).max(left_out.1.clone());
+            if let (Some(encoded), Some(decode)) = (self.most_encoded, self.decode) {
+                bright = bright.max(Expr::Call(decode, vec![encoded.into()]));
+            }
+            let gain = match (&self.numbers, media) {
+                (Numbers::Linear, _) => 1.0,
+                (Numbers::Encoded, _) | (Numbers::Either(_), false) => DECODED,
+                (Numbers::Either(_), true) => THROUGH_DARK,
+            };
+            let missing = left_out.0.clone() * bright * gain;
+            match self.error {
+                Some(error) => largest(&error.into(), self.lw) + missing,
+                None => missing,
+            }
+        });
+        let value = |(kind, width): &(OutputKind, u8)| match kind {
+            OutputKind::Radiance => self.light.into(),
+            OutputKind::Transmittance => fitted((-depth.clone().expect("it is wanted")).exp(), self.dw, *width),
+            OutputKind::OpticalDepth => fitted(depth.clone().expect("it is wanted"), self.dw, *width),
+            OutputKind::Error => error.clone().expect("it is wanted"),
+            OutputKind::Evaluations => self.work.expect("it is wanted").into(),
+            OutputKind::Fault => {
+                let at = |i| Expr::Local(self.fault_at).component(i);
+                let bits = Expr::Local(self.fault).bitcast(Prim::F32);
+                Expr::Compose(Ty::float(4), vec![bits, at(0), at(1), at(2)])
+            }
+            OutputKind::Edge => self.note.edge.clone(),
+        };
+        fields.iter().map(value).collect()
+    }
+}

@@ -1,0 +1,46 @@
+//! Splats of files, for the GPU.
+
+use super::{Session, Trouble};
+use crate::frame::bounds::media_box;
+use crate::frame::{Camera, Cast, Footprints, Frame, Params, Vec3};
+use std::sync::Arc;
+
+impl Session {
+    /// As a camera sees them.
+    pub(super) fn footprints_of_picture(
+        &self,
+        params: &Params,
+        time: f64,
+        (camera, frame): (&Camera, &Frame),
+    ) -> Result<Arc<Footprints>, Trouble> {
+        let cast = self.cast(params, time)?;
+        let bands = self.parts_of_bands();
+        Ok(Arc::new(Footprints::of_picture(&cast, camera, &frame.eye, &bands, self.accuracy())))
+    }
+
+    /// On rays, each of which begins at a t.
+    pub(super) fn footprints_of_rays(
+        &self,
+        params: &Params,
+        time: f64,
+        (rays, starts): (&[(Vec3, Vec3)], &[f64]),
+    ) -> Result<Arc<Footprints>, Trouble> {
+        let cast = self.cast(params, time)?;
+        let bands = self.parts_of_bands();
+        Ok(Arc::new(Footprints::of_rays(&cast, rays, starts, &bands, self.accuracy())))
+    }
+
+    fn cast(&self, params: &Params, time: f64) -> Result<Cast<'_>, Trouble> {
+        Cast::new(&self.program.lowered, params, time, &self.splats).map_err(|d| self.input(d))
+    }
+
+    /// For each part of the program and each of its bands, the parts of red, green and blue.
+    fn parts_of_bands(&self) -> Vec<Vec<Vec3>> {
+        self.program.parts().map(|part| part.lowered.bands.resample()).collect()
+    }
+
+    /// The box around the media, or all that f32 can square where one has no end: where errors are shared out.
+    pub(super) fn media_box(&self, params: &Params, time: f64) -> [Vec3; 2] {
+        media_box(&self.program.lowered, &params.0, time).unwrap_or([[-1e15; 3], [1e15; 3]])
+    }
+}

@@ -1,0 +1,104 @@
+//! Splats of files per second: projection, order, lists of tiles, and blending on the GPU, each apart, at 512 × 512; and bytes per
+//! splat. `cargo bench --bench splats` prints a table for 1e5 and 1e6 splats of degree 3 on a ball, and with
+//! `TYNDALL_TEN_MILLION=1` in the environment for 1e7, which take 3 GB.
+
+use compiler::Options;
+use compiler::ir::Aa;
+use runtime::data::splats::{Gaussian, Splats};
+use runtime::frame::{Camera, Cast, EngineChoice, Eye, Footprints, Params, Projected, Session, Settings};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+use tyndall_tests::{Made, draw};
+
+const SCENE: &str = "splats ball { file = \"ball.ply\" }
+    camera { from = (0, 0.5, -3) m  to = (0, 0, 0) m  fov = 45 deg }";
+
+/// Flat splats strewn over a ball, about as large as what lies between them.
+fn ball(count: usize) -> Arc<Splats> {
+    let mut state = 1_u64;
+    let mut x = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / (1_u64 << 31) as f64
+    };
+    let harmonics: Vec<f64> = (0..48).map(|_| 0.6 * (x() - 0.5)).collect();
+    let size = (std::f64::consts::PI / count as f64).sqrt();
+    let gaussians = (0..count).map(|_| {
+        let (z, angle) = (2.0 * x() - 1.0, std::f64::consts::TAU * x());
+        let r = (1.0 - z * z).sqrt();
+        Gaussian {
+            center: [r * angle.cos(), r * angle.sin(), z],
+            rotation: [x() - 0.5, x() - 0.5, x() - 0.5, x() - 0.5],
+            deviations: [size, size, 0.2 * size],
+            opacity: 0.2 + 0.8 * x(),
+            harmonics: &harmonics,
+        }
+    });
+    Arc::new(Splats::new(3, false, gaussians).expect("splats").0)
+}
+
+/// Seconds of the best of three, and what came of it.
+fn best<T>(mut work: impl FnMut() -> T) -> (f64, T) {
+    let mut timed = || {
+        let started = Instant::now();
+        let result = work();
+        (started.elapsed().as_secs_f64(), result)
+    };
+    let mut best = timed();
+    for _ in 0..2 {
+        let next = timed();
+        if next.0 < best.0 {
+            best = next;
+        }
+    }
+    best
+}
+
+fn measure(count: usize) {
+    let splats = ball(count);
+    let options = Options { size: Some([512, 512]), aa: Some(Aa::None), ..Options::default() };
+    let settings = Settings { options, engine: EngineChoice::Gpu, ..Settings::default() };
+    let Ok(mut session) = Session::open("ball.vol", SCENE, &Made(splats.clone()), settings) else {
+        println!("no adapter");
+        return;
+    };
+    let scene = &session.program().lowered;
+    let params = Params::defaults(scene);
+    let camera = Camera::from_scene(scene, &params.0, 0.0).expect("a camera").with_size([512, 512]);
+    let files = vec![splats.clone(); scene.splats.len()];
+    let cast = Cast::new(scene, &params, 0.0, &files).expect("a transform");
+    let eye = Eye::new(&camera, None);
+    let bands = [scene.bands.resample()];
+    let (projection, projected) = best(|| Projected::new(&cast, &camera));
+    let (sort, _) = best(|| {
+        let mut sorted = projected.clone();
+        sorted.sort();
+        sorted
+    });
+    let (copy, _) = best(|| projected.clone());
+    let (all, shown) = best(|| Footprints::of_picture(&cast, &camera, &eye, &bands, 1e-2));
+    let sort = (sort - copy).max(0.0);
+    let lists = (all - projection - sort).max(0.0);
+    let device = 4.0 * (shown.records(0).len() + shown.lists().len()) as f64 / count as f64;
+    let drawings: Vec<_> = (0..3).map(|_| draw(Path::new("ball.vol"), &mut session)).collect();
+    let blend = drawings.iter().map(|d| d.milliseconds).fold(f64::INFINITY, f64::min) / 1e3;
+    let per_second = |seconds: f64| count as f64 / seconds / 1e6;
+    println!(
+        "{count:9} splats: projection and harmonics {:.1} ms ({:.2} M/s), order {:.1} ms ({:.2} M/s), lists {:.1} ms ({:.2} M/s), \
+         blending {:.1} ms ({:.2} M/s); {} bytes a splat in memory, {device:.0} on the device",
+        1e3 * projection,
+        per_second(projection),
+        1e3 * sort,
+        per_second(sort),
+        1e3 * lists,
+        per_second(lists),
+        1e3 * blend,
+        per_second(blend),
+        splats.bytes_per_splat(),
+    );
+}
+
+fn main() {
+    let large = std::env::var("TYNDALL_TEN_MILLION").is_ok_and(|v| v == "1");
+    [100_000, 1_000_000].into_iter().chain(large.then_some(10_000_000)).for_each(measure);
+}
