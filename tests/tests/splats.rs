@@ -266,6 +266,29 @@ fn odd_splats_make_no_odd_pixels() {
     }
 }
 
+/// More of them in one pixel than drivers let a loop have rounds, and more than a dispatch goes through; through media without
+/// and with steps.
+#[test]
+fn a_pixel_may_have_any_number_of_splats() {
+    let mut x = noise(31);
+    let thin = |x: &mut dyn FnMut() -> f64, opacity: f64| One {
+        center: [0.2 * x() - 0.1, 0.2 * x() - 0.1, 2.0 * x() - 1.0],
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        deviations: [0.3; 3],
+        opacity,
+        harmonics: (0..3).map(|_| 3.0 * (x() - 0.5)).collect(),
+    };
+    let view = "splats room { file = \"s.ply\" }  camera { from = (0, 0, -3) m  to = (0, 0, 0) m  fov = 30 deg }
+        image { size = 3 x 2  background = #808080  aa = none }  render { accuracy = 1e-3 }";
+    let gas = "medium gas { shape = sphere(center: (0, 0, 0) m, radius: 0.7 m)
+        density = 1 + sin(p.z / 0.1 m)  k_a = 2 /m  k_e = rgb(1, 0.4, 0.2) * (1 lx / m) }";
+    for (count, media) in [(70_000, ""), (700, gas)] {
+        let list: Vec<One> = (0..count).map(|_| thin(&mut x, 3.0 / f64::from(count))).collect();
+        let Some(off) = agrees(&format!("{view}\n{media}"), &file(&list, 0, false)) else { return };
+        println!("{count}: {off:.1e}");
+    }
+}
+
 #[test]
 fn rays_by_hand_meet_the_same_splats() {
     let splats = file(&some(60, 23), 3, false);

@@ -62,6 +62,8 @@ impl KernelBuilder {
             FrameValue::LatticeSpacing => ("lattice_spacing", 1, false),
             FrameValue::LatticeCounts => ("lattice_counts", 3, true),
             FrameValue::ListEdge => ("list_edge", 1, true),
+            FrameValue::Round => ("round_number", 1, true),
+            FrameValue::RoundCount => ("round_count", 1, true),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
     }
@@ -169,6 +171,11 @@ impl KernelBuilder {
     /// Splats of files as the picture shows them.
     pub fn footprints(&mut self) -> u32 {
         self.resource("footprints", ResourceKind::ReadBuffer(Ty::F32), Binding::Footprints)
+    }
+
+    /// What a round leaves for the next.
+    pub fn carried(&mut self) -> u32 {
+        self.resource("carried", ResourceKind::WriteBuffer(Ty::F32), Binding::Carried)
     }
 
     /// Which of them cover a tile of the picture, or a ray.

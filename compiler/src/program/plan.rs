@@ -210,6 +210,10 @@ pub enum FrameValue {
     LatticeCounts,
     /// u32: edge of the tiles of the picture that have lists of splats, in pixels
     ListEdge,
+    /// u32: which of the rounds of [`Pass::Rounds`] this is
+    Round,
+    /// u32: how many there are
+    RoundCount,
 }
 
 /// One field of the uniform block. Layout is WGSL's: offsets in bytes.
@@ -295,6 +299,8 @@ pub enum Binding {
     Order,
     /// Splats of files as this picture shows them: array of f32, each as [`FootprintShape`] says.
     Footprints,
+    /// What a round of [`Pass::Rounds`] leaves for the next: array of f32, `Plan::carried` per invocation.
+    Carried,
     /// Which of them each tile of the picture ([`FrameValue::ListEdge`]), row by row, or each ray of the list is covered by: array of u32. First
     /// three numbers for each, and for one more: where its list begins; the bits of an f32, what is left out of it, as the sum of the
     /// largest α that each has in it; and those of another, the largest radiance of what is left out, in lx. A list ends where the next
@@ -337,6 +343,8 @@ pub struct FootprintLayout {
     pub shape: FootprintShape,
     /// f32 of each: those, and one for each band.
     pub stride: u32,
+    /// Entries of a list that a round goes through.
+    pub round: u32,
 }
 
 /// How a fragment comes together with what its target holds.
@@ -392,6 +400,13 @@ pub enum Pass {
         /// Over what.
         extent: Extent,
     },
+    /// A dispatch for each part of the longest list of splats, so that no invocation loops for long.
+    Rounds {
+        /// What runs.
+        kernel: u32,
+        /// Over what.
+        extent: Extent,
+    },
     /// Triangles, in order, into all targets, which are cleared before.
     Raster {
         /// Which triangles.
@@ -407,7 +422,7 @@ impl Pass {
     /// The kernels that it runs.
     pub fn kernels(&self) -> impl Iterator<Item = u32> + use<> {
         let (first, second) = match *self {
-            Self::Compute { kernel, .. } => (kernel, None),
+            Self::Compute { kernel, .. } | Self::Rounds { kernel, .. } => (kernel, None),
             Self::Raster { vertex, fragment, .. } => (vertex, Some(fragment)),
         };
         [Some(first), second].into_iter().flatten()
@@ -495,6 +510,8 @@ pub struct Plan {
     pub targets: Vec<Target>,
     /// f32 of [`Binding::Notes`] per invocation.
     pub notes: u32,
+    /// f32 of [`Binding::Carried`] per invocation.
+    pub carried: u32,
     /// How often all passes run over a tile, each time with another ray through each pixel. Records add up.
     pub repeats: u32,
     /// How steps are chosen.

@@ -169,6 +169,7 @@ pub fn print_plan(program: &Program) -> String {
             Binding::Footprints => {
                 format!("buffer of splats of files, {} f32 each", plan.footprints.map_or(0, |f| f.stride))
             }
+            Binding::Carried => format!("buffer of what is carried from round to round, {} f32 each", plan.carried),
             Binding::TileLists => match plan.rays {
                 RaySource::Camera => "buffer of lists of them for tiles of the picture".into(),
                 RaySource::List => "buffer of lists of them for rays".into(),
@@ -200,12 +201,14 @@ pub fn print_plan(program: &Program) -> String {
     for pass in &plan.passes {
         let name = |kernel: &u32| &program.kernels[*kernel as usize].name;
         let _ = match pass {
-            Pass::Compute { kernel, extent } => {
+            Pass::Compute { kernel, extent } | Pass::Rounds { kernel, extent } => {
                 let over = match extent {
                     Extent::Tile => "pixels of a tile",
                     Extent::Rays => "rays of the list",
                 };
-                writeln!(out, "    {} over {over}", name(kernel))
+                let rounds =
+                    if matches!(pass, Pass::Rounds { .. }) { ", for each part of the longest list" } else { "" };
+                writeln!(out, "    {} over {over}{rounds}", name(kernel))
             }
             Pass::Raster { vertex, fragment, geometry } => {
                 let what = match geometry {

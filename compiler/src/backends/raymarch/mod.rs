@@ -92,6 +92,7 @@ pub(super) fn build(
         fill,
         plant: None,
         footprints: None,
+        carried: 0,
         bounds: seen.bounds,
         samples,
         work_per_ray: work_per_ray * samples,

@@ -88,6 +88,7 @@ pub(super) fn build(
         fill,
         plant: None,
         footprints: None,
+        carried: 0,
         bounds: vec![],
         samples,
         work_per_ray: count.unwrap_or(256),

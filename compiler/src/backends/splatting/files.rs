@@ -17,6 +17,11 @@ use crate::program::{Extent, FootprintLayout, FootprintShape, Ledger, OutputKind
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::{Scene, Tracer, records};
 
+/// Entries of a list that a dispatch goes through, where all media have closed forms.
+const CLOSED: u32 = 16384;
+/// The same where they are stepped through.
+const STEPPED: u32 = 256;
+
 /// Kernels and plan of a scene with splats of files.
 pub(super) fn build(
     scene: &mut FieldScene,
@@ -57,12 +62,14 @@ pub(super) fn build(
         (RaySource::Camera, Projection::Perspective { .. } | Projection::Orthographic { .. }) => FootprintShape::Plane,
         (RaySource::Camera, Projection::Panorama) => FootprintShape::Around,
     };
-    let layout = FootprintLayout { shape, stride: shape.head() + scene.bands.wavelengths.len() as u32 };
+    // Where media are stepped through, each entry may take many rounds of loops, of which drivers count all.
+    let round = if seen.closed { CLOSED } else { STEPPED };
+    let layout = FootprintLayout { shape, stride: shape.head() + scene.bands.wavelengths.len() as u32, round };
     let edge = divided && options.outputs.contains(&OutputKind::Edge);
     let fields = veil::fields(&pieces, edge);
     let (outputs, stride) = records::layout(&fields, false);
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Point));
-    let blend = veil::entry(scene, &mut builder, &pieces, layout, (rays, stride), (&fields, ledger));
+    let (blend, carried) = veil::entry(scene, &mut builder, &pieces, layout, (rays, stride), (&fields, ledger));
     let (extent, group) = match options.rays {
         RaySource::Camera => (Extent::Tile, [8, 8, 1]),
         RaySource::List => (Extent::Rays, [64, 1, 1]),
@@ -80,7 +87,7 @@ pub(super) fn build(
         stride,
         bindings,
         uniforms,
-        passes: vec![Pass::Compute { kernel: 0, extent }, Pass::Compute { kernel: 1, extent }],
+        passes: vec![Pass::Compute { kernel: 0, extent }, Pass::Rounds { kernel: 1, extent }],
         targets: vec![],
         notes: aim::NOTES,
         repeats: rays.count(),
@@ -88,6 +95,7 @@ pub(super) fn build(
         fill,
         plant: None,
         footprints: Some(layout),
+        carried,
         bounds: vec![],
         samples,
         work_per_ray: 512,

@@ -104,6 +104,7 @@ pub(super) fn build(
         bounds: vec![],
         plant: Some(PlantPass { kernel: 0, stride: splats }),
         footprints: None,
+        carried: 0,
         samples,
         work_per_ray: 4096,
     };

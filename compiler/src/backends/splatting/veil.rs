@@ -2,7 +2,7 @@
 
 use crate::fields::{Code, Helper, KernelBuilder};
 use crate::ir::{FieldScene, SplatBlend};
-use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Prim, Ty};
+use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{Fault, FootprintLayout, FootprintShape, FrameValue, Ledger, OutputKind, RaySource};
 use crate::transport::aim::{Note, Rays};
 use crate::transport::cut_short;
@@ -89,7 +89,7 @@ struct Blend<'a> {
 impl Blend<'_> {
     /// Slope of the code of sRGB at a radiance, or of its inverse at an encoded number.
     fn slope(decoding: bool, value: Expr) -> Expr {
-        let power = |x: Expr, p: f64| Expr::math(crate::program::kernel::Math::Pow, [x, Expr::F32(p)]);
+        let power = |x: Expr, p: f64| Expr::math(Math::Pow, [x, Expr::F32(p)]);
         if decoding {
             let curve = power((value.clone().max(0.0) + 0.055) / 1.055, 1.4) * (2.4 / 1.055);
             value.less_equal(0.040_45).select(1.0 / 12.92, curve)
@@ -263,12 +263,12 @@ fn veiled(code: &mut Code, alpha: &Expr) -> Expr {
     let series =
         a() * (Expr::F32(1.0) + a() * (Expr::F32(0.5) + a() * (Expr::F32(1.0 / 3.0) + a() * (a() * 0.2 + 0.25))));
     let left = code.bind("left", Ty::F32, Expr::F32(1.0) - a());
-    let log = -Expr::math(crate::program::kernel::Math::Log, [left.clone().max(1e-30)]);
+    let log = -Expr::math(Math::Log, [left.clone().max(1e-30)]);
     let log = left.greater(0.0).select(log, OPAQUE);
     alpha.clone().less(0.03).select(series, log)
 }
 
-/// The entry point.
+/// The entry point, and f32 that an invocation carries from round to round.
 pub(super) fn entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
@@ -276,7 +276,7 @@ pub(super) fn entry(
     layout: FootprintLayout,
     (rays, stride): (Rays, u32),
     (fields, ledger): (&[(OutputKind, u8)], &mut Ledger),
-) -> Function {
+) -> (Function, u32) {
     let mut code = Code::new("blend", None);
     let source = if layout.shape == FootprintShape::Ray { RaySource::List } else { RaySource::Camera };
     let record = match source {
@@ -306,27 +306,17 @@ pub(super) fn entry(
     let lists = builder.tile_lists();
     let tile = code.bind("tile", Ty::U32, tile * 3u32);
     let list = |i: u32| Expr::Load(lists, Box::new(tile.clone() + i));
+    // Which part of the list this round goes through, from its end.
     let first = code.bind("first_of_list", Ty::U32, list(0));
-    let next = code.var("next", Ty::U32, list(3));
+    let last = code.bind("end_of_list", Ty::U32, list(3));
+    let length = code.bind("length_of_list", Ty::U32, last.clone() - first.clone());
+    let round = builder.frame(FrameValue::Round);
+    let done = Expr::Math(Math::Min, vec![round.clone() * layout.round, length.clone()]);
+    let done = code.bind("done_before", Ty::U32, done);
+    let next = code.var("next", Ty::U32, last - done.clone());
+    let part = Expr::Math(Math::Min, vec![Expr::U32(layout.round), length - done]);
+    let first = code.bind("first_of_round", Ty::U32, Expr::Local(next) - part);
 
-    // What lies behind everything.
-    let mut arguments = vec![note.origin.clone(), note.direction.clone(), note.start.clone()];
-    if pieces.place(Part::Fault).is_some() {
-        arguments.push(Expr::F32(0.0).splat(3));
-    }
-    for (part, ty) in &pieces.parts {
-        arguments.push(match part {
-            Part::Light | Part::Depth => Expr::F32(0.0).splat(components(*ty)),
-            Part::Error => Expr::F32(0.0),
-            Part::Work | Part::Fault => Expr::U32(0),
-        });
-    }
-    let whole = builder.result_of(pieces.whole.function);
-    let whole = code.bind("behind", whole, Expr::Call(pieces.whole.function, arguments));
-    let found = |kind: OutputKind| {
-        let place = pieces.whole.fields.iter().position(|f| f.0 == kind)?;
-        Some((whole.clone().field(place as u32), pieces.whole.fields[place].1))
-    };
     let lw = (layout.stride - layout.shape.head()) as u8;
     let dw = pieces.place(Part::Depth).map_or(1, |i| components(pieces.parts[i as usize].1));
     let wants = |kind: OutputKind| fields.iter().any(|f| f.0 == kind);
@@ -337,23 +327,12 @@ pub(super) fn entry(
     if !encoded {
         ledger.omit("encoding of light", "all splats are blended linearly", None);
     }
-    let light = found(OutputKind::Radiance).map_or(Expr::F32(0.0).splat(lw), |(value, width)| fitted(value, width, lw));
-    let light = code.var("light", Ty::float(lw), light);
-    // Where nothing is stepped through, nothing is wrong but what lists leave out.
-    let error = found(OutputKind::Error).filter(|_| pieces.place(Part::Error).is_some());
-    let error = error.map(|(value, _)| code.var("error", Ty::float(lw), value.splat(lw)));
-    let told = wants(OutputKind::Error);
-    let fault = match found(OutputKind::Fault) {
-        Some((value, _)) => {
-            let value = code.bind("fault_behind", Ty::float(4), value);
-            let at = (1..4).map(|i| value.clone().component(i)).collect();
-            let bits = value.component(0).bitcast(Prim::U32);
-            (code.var("fault", Ty::U32, bits), code.var("fault_at", Ty::VEC3, Expr::Compose(Ty::VEC3, at)))
-        }
-        None => (code.var("fault", Ty::U32, 0u32), code.var("fault_at", Ty::VEC3, Expr::F32(0.0).splat(3))),
-    };
     let zeros = |width: u8| Expr::F32(0.0).splat(width);
-    let brightest = largest(&light.into(), lw);
+    // Where nothing is stepped through, nothing is wrong but what lists leave out.
+    let told = wants(OutputKind::Error);
+    let stepped = told && pieces.place(Part::Error).is_some();
+    let light = code.var("light", Ty::float(lw), zeros(lw));
+    let fault = (code.var("fault", Ty::U32, 0u32), code.var("fault_at", Ty::VEC3, zeros(3)));
     let numbers = match (encoded, linear, media) {
         (false, _, _) => Numbers::Linear,
         (true, false, false) => Numbers::Encoded,
@@ -367,21 +346,36 @@ pub(super) fn entry(
         encode: encoded.then(|| builder.helper(&scene.graph, Helper::SrgbEncode)),
         decode: encoded.then(|| builder.helper(&scene.graph, Helper::SrgbDecode)),
         light,
-        error,
+        error: stepped.then(|| code.var("error", Ty::float(lw), zeros(lw))),
         depth: (through && pieces.place(Part::Depth).is_some()).then(|| code.var("depth", Ty::float(dw), zeros(dw))),
         veiled: through.then(|| code.var("veiled", Ty::F32, 0.0)),
-        work: found(OutputKind::Evaluations).map(|(value, _)| code.var("work", Ty::F32, value)),
+        work: wants(OutputKind::Evaluations).then(|| code.var("work", Ty::F32, 0.0)),
         fault: fault.0,
         fault_at: fault.1,
         here: code.var("here", Ty::F32, note.end.clone()),
         part_of: pieces.controlled.then(|| code.var("part_of", Ty::F32, 0.0)),
-        most: told.then(|| code.var("most", Ty::F32, brightest)),
+        most: told.then(|| code.var("most", Ty::F32, 0.0)),
         most_encoded: (told && encoded).then(|| code.var("most_encoded", Ty::F32, 0.0)),
         note,
     };
-    if let (Numbers::Encoded, Some(encode)) = (&blend.numbers, blend.encode) {
-        blend.change(&mut code, encode, false);
+    let carried = blend.carried();
+    let floats: u32 = carried.iter().map(|(_, ty)| u32::from(components(*ty))).sum();
+    let memory = builder.carried();
+    let own = code.bind("own", Ty::U32, record.clone() * floats);
+    code.open();
+    blend.begin(&mut code, builder);
+    let begin = code.close();
+    code.open();
+    let mut at = 0;
+    for (var, ty) in &carried {
+        let value = restore(&mut code, *ty, &mut |_| {
+            at += 1;
+            Expr::Load(memory, Box::new(own.clone() + (at - 1)))
+        });
+        code.set(*var, value);
     }
+    let go_on = code.close();
+    code.push_if_else(round.clone().equal(0u32), begin, go_on);
     let place = Place::new(builder, &mut code, layout, &blend.note);
     code.open();
     code.break_if(Expr::Local(next).less_equal(first));
@@ -395,22 +389,124 @@ pub(super) fn entry(
     code.push_if(seen, layer);
     let block = code.close();
     code.push_loop(block);
+    // What is left for the next round.
+    code.open();
+    blend.cut(&mut code, builder);
+    let mut at = 0;
+    for (var, ty) in &carried {
+        for value in keep(*var, *ty) {
+            code.store(memory, own.clone() + at, value);
+            at += 1;
+        }
+    }
+    code.return_nothing();
+    let leave = code.close();
+    let more = (round + 1u32).less(builder.frame(FrameValue::RoundCount));
+    code.push_if(more, leave);
     let start = blend.note.start.clone();
     blend.stretch(&mut code, &start);
     match (&blend.numbers, blend.decode) {
         (Numbers::Encoded, Some(decode)) => blend.change(&mut code, decode, true),
         _ => blend.convert(&mut code, false),
     }
-    let cut = cut_short(builder, &mut code);
-    code.if_(cut, |code| code.set(blend.fault, Fault::CUT_SHORT));
+    blend.cut(&mut code, builder);
     let left_out = (list(1).bitcast(Prim::F32), list(2).bitcast(Prim::F32));
     let values = blend.values(&mut code, fields, left_out, media);
     let weight = (rays != Rays::One).then_some(&blend.note.weight);
     records::gather(builder, &mut code, (fields, values), (&record, stride), weight);
-    code.finish(None)
+    (code.finish(None), floats)
+}
+
+/// A variable as f32.
+fn keep(var: LocalId, ty: Ty) -> Vec<Expr> {
+    match ty {
+        Ty::BOOL => vec![Expr::Local(var).select(1.0, 0.0)],
+        Ty::U32 => vec![Expr::Local(var).bitcast(Prim::F32)],
+        ty => (0..components(ty)).map(|i| component(var.into(), ty, i)).collect(),
+    }
+}
+
+/// Back from what `next` reads, one f32 after another.
+fn restore(code: &mut Code, ty: Ty, next: &mut dyn FnMut(&mut Code) -> Expr) -> Expr {
+    let parts: Vec<Expr> = (0..components(ty))
+        .map(|_| {
+            let value = next(code);
+            code.bind("carried_over", Ty::F32, value)
+        })
+        .collect();
+    match (ty, parts.as_slice()) {
+        (Ty::BOOL, [only]) => only.clone().greater(0.5),
+        (Ty::U32, [only]) => only.clone().bitcast(Prim::U32),
+        (_, [only]) => only.clone(),
+        (ty, _) => Expr::Compose(ty, parts),
+    }
 }
 
 impl Blend<'_> {
+    /// All that a round leaves for the next.
+    fn carried(&self) -> Vec<(LocalId, Ty)> {
+        let flag = match self.numbers {
+            Numbers::Linear | Numbers::Encoded => None,
+            Numbers::Either(flag) => Some((flag, Ty::BOOL)),
+        };
+        let scalars = [self.veiled, self.work, Some(self.here), self.part_of, self.most, self.most_encoded];
+        let mut all = vec![(self.light, Ty::float(self.lw)), (self.fault, Ty::U32), (self.fault_at, Ty::VEC3)];
+        all.extend(self.error.map(|e| (e, Ty::float(self.lw))));
+        all.extend(self.depth.map(|d| (d, Ty::float(self.dw))));
+        all.extend(flag);
+        all.extend(scalars.into_iter().flatten().map(|v| (v, Ty::F32)));
+        all
+    }
+
+    /// What lies behind everything.
+    fn begin(&self, code: &mut Code, builder: &KernelBuilder) {
+        let (pieces, note) = (self.pieces, &self.note);
+        let mut arguments = vec![note.origin.clone(), note.direction.clone(), note.start.clone()];
+        if pieces.place(Part::Fault).is_some() {
+            arguments.push(Expr::F32(0.0).splat(3));
+        }
+        for (part, ty) in &pieces.parts {
+            arguments.push(match part {
+                Part::Light | Part::Depth => Expr::F32(0.0).splat(components(*ty)),
+                Part::Error => Expr::F32(0.0),
+                Part::Work | Part::Fault => Expr::U32(0),
+            });
+        }
+        let whole = builder.result_of(pieces.whole.function);
+        let whole = code.bind("behind", whole, Expr::Call(pieces.whole.function, arguments));
+        let found = |kind: OutputKind| {
+            let place = pieces.whole.fields.iter().position(|f| f.0 == kind)?;
+            Some((whole.clone().field(place as u32), pieces.whole.fields[place].1))
+        };
+        if let Some((value, width)) = found(OutputKind::Radiance) {
+            code.set(self.light, fitted(value, width, self.lw));
+        }
+        if let (Some(error), Some((value, _))) = (self.error, found(OutputKind::Error)) {
+            code.set(error, value.splat(self.lw));
+        }
+        if let (Some(work), Some((value, _))) = (self.work, found(OutputKind::Evaluations)) {
+            code.set(work, value);
+        }
+        if let Some((value, _)) = found(OutputKind::Fault) {
+            let value = code.bind("fault_behind", Ty::float(4), value);
+            code.set(self.fault, value.clone().component(0).bitcast(Prim::U32));
+            let at = (1..4).map(|i| value.clone().component(i)).collect();
+            code.set(self.fault_at, Expr::Compose(Ty::VEC3, at));
+        }
+        if let Some(most) = self.most {
+            code.set(most, largest(&self.light.into(), self.lw));
+        }
+        if let (Numbers::Encoded, Some(encode)) = (&self.numbers, self.encode) {
+            self.change(code, encode, false);
+        }
+    }
+
+    /// Notices a driver that has ended loops.
+    fn cut(&self, code: &mut Code, builder: &mut KernelBuilder) {
+        let cut = cut_short(builder, code);
+        code.if_(cut, |code| code.set(self.fault, Fault::CUT_SHORT));
+    }
+
     /// The media behind a splat, and the splat over it.
     fn layer(&self, code: &mut Code, builder: &mut KernelBuilder, met: &Met, linear: bool) {
         if let Some(part_of) = self.part_of {

@@ -229,6 +229,7 @@ impl Needs {
                 Binding::Rays
                 | Binding::Records
                 | Binding::Notes
+                | Binding::Carried
                 | Binding::NotesRead
                 | Binding::Outlines
                 | Binding::Order => {

@@ -233,7 +233,7 @@ impl Prepared {
             let part = Part { origin: [first, 0], size: [rays, 1], rays };
             let started = Instant::now();
             let with = (&self.pipelines, &self.resources);
-            self.slots[0].fill(&self.gpu, &self.program, with, (once, rays), block.part(part, 0))?;
+            self.slots[0].fill(&self.gpu, &self.program, with, (once, rays), block.part(part, (0, 0)))?;
             let seconds = started.elapsed().as_secs_f64().max(1e-6);
             first += rays;
             let ideal = f64::from(rays) * 0.1 / seconds;
@@ -293,7 +293,7 @@ impl Prepared {
             self.once(&mut block, Once::Plant, frame.lattice.len())?;
         }
         let plan = &self.program.plan;
-        let record = u64::from(plan.stride.max(plan.notes).max(1)) * 4;
+        let record = u64::from(plan.stride.max(plan.notes).max(plan.carried).max(1)) * 4;
         let bytes = match source {
             Source::Camera => record,
             Source::List(_) => record.max(size_of::<PackedRay>() as u64),

@@ -47,7 +47,7 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
         Binding::Table(_) | Binding::Mesh(_) | Binding::Rays | Binding::NotesRead | Binding::Outlines => storage(true),
         Binding::SplatsRead | Binding::Order | Binding::Bounds(_) => storage(true),
         Binding::Footprints | Binding::TileLists => storage(true),
-        Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats => storage(false),
+        Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats | Binding::Carried => storage(false),
         Binding::Target(_) => wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },
             view_dimension: wgpu::TextureViewDimension::D2,
@@ -220,7 +220,7 @@ impl Pipelines {
         }
         let compiler = Compiler { gpu, program, modules, bindings };
         let pass = |pass: &Pass| match *pass {
-            Pass::Compute { kernel, .. } => compiler.compute(kernel),
+            Pass::Compute { kernel, .. } | Pass::Rounds { kernel, .. } => compiler.compute(kernel),
             Pass::Raster { vertex, fragment, .. } => compiler.raster(vertex, fragment),
         };
         let passes = program.plan.passes.iter().map(pass).collect::<Result<_, _>>()?;

@@ -26,6 +26,7 @@ pub(super) struct Slot {
     staging: wgpu::Buffer,
     stamps: Option<(wgpu::QuerySet, wgpu::Buffer)>,
     notes: Option<wgpu::Buffer>,
+    carried: Option<wgpu::Buffer>,
     targets: Targets,
     groups: Groups,
 }
@@ -60,13 +61,15 @@ pub(super) struct Flight {
 const TOGETHER: u32 = 1 << 14;
 
 /// The instances of a pass, in parts; one of them where nothing is drawn.
-fn instances(pass: &Pass, resources: &Resources) -> Vec<Range<u32>> {
+fn instances(pass: &Pass, resources: &Resources, rounds: u32) -> Vec<Range<u32>> {
     match pass {
         Pass::Raster { geometry: Geometry::Billboards, .. } => {
             let count = resources.order.as_ref().map_or(0, |o| o.1);
             let starts = (0..count.max(1)).step_by(TOGETHER as usize);
             starts.map(|start| start..count.min(start + TOGETHER)).collect()
         }
+        // Instances of a dispatch are rounds.
+        Pass::Rounds { .. } => (0..rounds.max(1)).map(|round| round..round + 1).collect(),
         Pass::Raster { geometry: Geometry::Outlines, .. } | Pass::Compute { .. } => std::iter::once(0..1).collect(),
     }
 }
@@ -114,6 +117,8 @@ impl Slot {
             });
             (set, buffer(gpu, "time", STAMPS, Usage::QUERY_RESOLVE | Usage::COPY_SRC))
         });
+        let over = invocations * u64::from(plan.carried.max(1)) * 4;
+        let carried = uses(Binding::Carried).then(|| buffer(gpu, "carried", over, Usage::STORAGE));
         let notes = uses(Binding::NotesRead).then(|| buffer(gpu, "notes", noted, Usage::STORAGE));
         gpu.watch.check()?;
         let mut slot = Self {
@@ -124,6 +129,7 @@ impl Slot {
             staging,
             stamps,
             notes,
+            carried,
             targets: Targets::default(),
             groups: Groups { passes: vec![], fill: None, plant: None },
         };
@@ -148,6 +154,7 @@ impl Slot {
                 Binding::Rays => whole(&self.rays),
                 Binding::Records => Some(self.records.as_entire_binding()),
                 Binding::Notes | Binding::NotesRead => whole(&self.notes),
+                Binding::Carried => whole(&self.carried),
                 Binding::Grid(_) => grids.next().map(wgpu::BindingResource::TextureView),
                 Binding::Cache => whole(&resources.cache),
                 Binding::Mesh(_) => meshes.next().map(wgpu::Buffer::as_entire_binding),
@@ -272,7 +279,7 @@ impl Slot {
         let mut index = None;
         for repeat in 0..repeats {
             if let Some(uniforms) = &self.uniforms {
-                gpu.queue.write_buffer(uniforms, 0, block.part(part, repeat));
+                gpu.queue.write_buffer(uniforms, 0, block.part(part, (repeat, 0)));
             }
             let new_encoder =
                 || gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("tile") });
@@ -282,11 +289,14 @@ impl Slot {
                 let first = (repeat == 0 && number == 0).then_some(0);
                 let last = (repeat + 1 == repeats && number == last_pass).then_some(1);
                 let stamps = (first, last);
-                for instances in instances(pass, resources) {
+                for instances in instances(pass, resources, block.rounds) {
                     if instances.start > 0 {
-                        // Billboards are drawn in parts that are short enough for watchdogs.
+                        // In parts that are short enough for watchdogs.
                         let full = std::mem::replace(&mut encoder, new_encoder());
                         gpu.queue.submit([full.finish()]);
+                        if let (Pass::Rounds { .. }, Some(uniforms)) = (pass, &self.uniforms) {
+                            gpu.queue.write_buffer(uniforms, 0, block.part(part, (repeat, instances.start)));
+                        }
                     }
                     let draw = (number, pass, instances);
                     self.record(&mut encoder, program, (pipelines, resources), draw, part, stamps);
@@ -326,7 +336,7 @@ impl Slot {
         let stamps = self.stamps.as_ref().map(|s| &s.0).filter(|_| first.is_some() || last.is_some());
         let (step, group) = (&pipelines.passes[number], &self.groups.passes[number]);
         match (&step.pipeline, *pass) {
-            (Pipeline::Compute(pipeline), Pass::Compute { kernel, extent }) => {
+            (Pipeline::Compute(pipeline), Pass::Compute { kernel, extent } | Pass::Rounds { kernel, extent }) => {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some("tile"),
                     timestamp_writes: stamps.map(|query_set| wgpu::ComputePassTimestampWrites {
@@ -385,7 +395,8 @@ impl Slot {
                 pass.draw(0..corners, instances);
             }
             // Pipelines are made from the plan's passes, one by one.
-            (Pipeline::Compute(_), Pass::Raster { .. }) | (Pipeline::Raster(_), Pass::Compute { .. }) => {}
+            (Pipeline::Compute(_), Pass::Raster { .. })
+            | (Pipeline::Raster(_), Pass::Compute { .. } | Pass::Rounds { .. }) => {}
         }
     }
 

@@ -137,7 +137,7 @@ impl Resources {
                 }
                 // They come with each drawing.
                 Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
-                Binding::Footprints | Binding::TileLists => {}
+                Binding::Footprints | Binding::TileLists | Binding::Carried => {}
                 Binding::Uniforms | Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead => {}
             }
         }

@@ -99,6 +99,7 @@ fn program(
             fill: None,
             plant: None,
             footprints: None,
+            carried: 0,
             bounds: vec![],
             samples: 1,
             work_per_ray: 1,

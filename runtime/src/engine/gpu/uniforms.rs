@@ -27,6 +27,8 @@ pub(super) fn to_f32(x: f64) -> f32 {
 pub(super) struct Block {
     bytes: Vec<u8>,
     moving: Vec<UniformField>,
+    /// Rounds of [`compiler::program::Pass::Rounds`].
+    pub(super) rounds: u32,
 }
 
 impl Block {
@@ -45,7 +47,8 @@ impl Block {
         let mut values = evaluate_with(graph, &nodes, &frame.params, frame.time, tables).into_iter();
         let bounded = layout.fields.iter().any(|f| matches!(f.source, UniformSource::Majorant(_)));
         let majorants = if bounded { frame.majorants(graph) } else { vec![] };
-        let mut block = Self { bytes: vec![0; layout.size as usize], moving: vec![] };
+        let mut block =
+            Self { bytes: vec![0; layout.size as usize], moving: vec![], rounds: frame.footprints.rounds() };
         for field in &layout.fields {
             match field.source {
                 UniformSource::Node(_) => block.store(field, &values.next().unwrap_or_default()),
@@ -63,11 +66,11 @@ impl Block {
         block
     }
 
-    /// The bytes for one dispatch, of the plan's repeats the one of this number.
-    pub(super) fn part(&mut self, part: Part, repeat: u32) -> &[u8] {
+    /// The bytes for one dispatch: of the plan's repeats, and of rounds, those of these numbers.
+    pub(super) fn part(&mut self, part: Part, (repeat, round): (u32, u32)) -> &[u8] {
         for field in std::mem::take(&mut self.moving) {
             if let UniformSource::Frame(value) = field.source {
-                self.store(&field, &of_part(value, part, repeat));
+                self.store(&field, &of_part(value, part, (repeat, round)));
             }
             self.moving.push(field);
         }
@@ -87,7 +90,8 @@ impl Block {
 fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
     let eye = &frame.eye;
     Some(match value {
-        FrameValue::TileOrigin | FrameValue::TileSize | FrameValue::RayCount | FrameValue::Repeat => return None,
+        FrameValue::TileOrigin | FrameValue::TileSize | FrameValue::RayCount => return None,
+        FrameValue::Repeat | FrameValue::Round => return None,
         FrameValue::ImageSize => frame.size.map(f64::from).to_vec(),
         FrameValue::CameraAnchor => eye.anchor.to_vec(),
         FrameValue::CameraForward => eye.forward.to_vec(),
@@ -114,15 +118,17 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::LatticeSpacing => vec![frame.lattice.spacing],
         FrameValue::LatticeCounts => frame.lattice.counts.map(f64::from).to_vec(),
         FrameValue::ListEdge => vec![f64::from(frame.footprints.edge())],
+        FrameValue::RoundCount => vec![f64::from(frame.footprints.rounds())],
     })
 }
 
-fn of_part(value: FrameValue, part: Part, repeat: u32) -> Vec<f64> {
+fn of_part(value: FrameValue, part: Part, (repeat, round): (u32, u32)) -> Vec<f64> {
     match value {
         FrameValue::TileOrigin => part.origin.map(f64::from).to_vec(),
         FrameValue::TileSize => part.size.map(f64::from).to_vec(),
         FrameValue::RayCount => vec![f64::from(part.rays)],
         FrameValue::Repeat => vec![f64::from(repeat)],
+        FrameValue::Round => vec![f64::from(round)],
         FrameValue::ImageSize
         | FrameValue::CameraAnchor
         | FrameValue::CameraForward
@@ -148,7 +154,8 @@ fn of_part(value: FrameValue, part: Part, repeat: u32) -> Vec<f64> {
         | FrameValue::LatticeLow
         | FrameValue::LatticeSpacing
         | FrameValue::LatticeCounts
-        | FrameValue::ListEdge => vec![],
+        | FrameValue::ListEdge
+        | FrameValue::RoundCount => vec![],
     }
 }
 

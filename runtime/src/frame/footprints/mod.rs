@@ -63,6 +63,7 @@ impl<'a> Cast<'a> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Footprints {
     edge: u32,
+    rounds: u32,
     records: Vec<Vec<f32>>,
     lists: Vec<u32>,
 }
@@ -72,6 +73,20 @@ impl Footprints {
     #[must_use]
     pub fn edge(&self) -> u32 {
         self.edge.max(1)
+    }
+
+    /// Dispatches that it takes to go through the longest list.
+    #[must_use]
+    pub fn rounds(&self) -> u32 {
+        self.rounds.max(1)
+    }
+
+    /// The same, if a dispatch goes through so many entries of a list.
+    #[must_use]
+    pub fn in_rounds_of(self, entries: u32) -> Self {
+        let heads = self.lists.first().map_or(0, |first| *first as usize / 3);
+        let longest = (1..heads).map(|i| self.lists[3 * i] - self.lists[3 * i - 3]).max().unwrap_or(0);
+        Self { rounds: longest.div_ceil(entries.max(1)), ..self }
     }
 
     /// The numbers of the splats, for the bands of one part of the program.
@@ -92,13 +107,13 @@ impl Footprints {
         let mut projected = Projected::new(cast, camera);
         projected.sort();
         let lists = projected.lists(camera, CUT * accuracy);
-        Self { edge: lists.edge, records: projected.records(eye.plane, bands), lists: lists.numbers }
+        Self { edge: lists.edge, rounds: 1, records: projected.records(eye.plane, bands), lists: lists.numbers }
     }
 
     /// Of rays of a list; `starts` says at which t each of them begins.
     #[must_use]
     pub fn of_rays(cast: &Cast<'_>, rays: &[(Vec3, Vec3)], starts: &[f64], bands: &[Vec<Vec3>], accuracy: f64) -> Self {
-        let mut all = Self { edge: 1, records: vec![vec![]; bands.len()], lists: vec![] };
+        let mut all = Self { edge: 1, rounds: 1, records: vec![vec![]; bands.len()], lists: vec![] };
         let mut heads = vec![];
         let mut numbers = vec![];
         let head = 3 * (rays.len() + 1);

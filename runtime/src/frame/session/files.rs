@@ -15,7 +15,8 @@ impl Session {
     ) -> Result<Arc<Footprints>, Trouble> {
         let cast = self.cast(params, time)?;
         let bands = self.parts_of_bands();
-        Ok(Arc::new(Footprints::of_picture(&cast, camera, &frame.eye, &bands, self.accuracy())))
+        let all = Footprints::of_picture(&cast, camera, &frame.eye, &bands, self.accuracy());
+        Ok(Arc::new(all.in_rounds_of(self.round())))
     }
 
     /// On rays, each of which begins at a t.
@@ -27,7 +28,13 @@ impl Session {
     ) -> Result<Arc<Footprints>, Trouble> {
         let cast = self.cast(params, time)?;
         let bands = self.parts_of_bands();
-        Ok(Arc::new(Footprints::of_rays(&cast, rays, starts, &bands, self.accuracy())))
+        let all = Footprints::of_rays(&cast, rays, starts, &bands, self.accuracy());
+        Ok(Arc::new(all.in_rounds_of(self.round())))
+    }
+
+    /// Entries of a list that a dispatch goes through.
+    fn round(&self) -> u32 {
+        self.program.plan.footprints.map_or(u32::MAX, |f| f.round)
     }
 
     fn cast(&self, params: &Params, time: f64) -> Result<Cast<'_>, Trouble> {
