@@ -9,7 +9,7 @@
 //! Passes: `plant` finds what is at the nodes, once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
 //! `resolve`, as in slicing. Emission is composed Gaussian by Gaussian in the order of their centres, as if each were thin.
 //!
-//! Where a scene has splats of files, those are what is drawn ([`files`]), and media between them are integrated.
+//! Where a scene has splats of files, those are what is drawn (`files`), and media between them are integrated.
 
 mod files;
 mod splat;
