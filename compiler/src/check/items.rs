@@ -8,6 +8,7 @@ use super::scope::{Context, Inputs, Place, Scope};
 use super::types::{D, Form, Ty};
 use crate::diagnostic::Diagnostic;
 use crate::ir::{Filter, Param, ParamId, ParamType};
+use crate::loader::LoadError;
 use crate::resolve::ItemRef;
 use crate::source::Span;
 use crate::syntax::ast;
@@ -206,21 +207,24 @@ impl Checker<'_> {
         };
         let path = self.text(item.module, file, "grid")?;
         let from = modules.module(item.module).name.clone();
-        let header = match self.loader.grid(&from, &path) {
-            Ok(header) => header,
-            Err(error) => {
-                let mut problem = Diagnostic::error(error.code, error.message).at(file.value.span, "named here");
-                problem.hints.extend(error.hint);
-                self.report(problem);
-                return None;
-            }
-        };
+        let header = self.loader.grid(&from, &path);
+        let header = self.header(header, file.value.span)?;
         let (filter, outside) = (filter?, outside?);
         let id = GridId(self.grids.len() as u32);
         let span = block.name.as_ref().map_or(declared.span, |n| n.span);
         self.grids.push(Grid { name: name.to_owned(), span, path, from, header, filter, outside });
         self.known_grids.insert(item, Some(id));
         Some(id)
+    }
+
+    /// What a loader found of a file that is named at a place; what is wrong with it is reported.
+    pub(super) fn header<T>(&mut self, found: Result<T, LoadError>, span: Span) -> Option<T> {
+        let report = |error: LoadError| {
+            let mut problem = Diagnostic::error(error.code, error.message).at(span, "named here");
+            problem.hints.extend(error.hint);
+            self.report(problem);
+        };
+        found.map_err(report).ok()
     }
 
     pub(super) fn not_constant(&mut self, span: Span, what: &str) {

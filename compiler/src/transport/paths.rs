@@ -483,17 +483,7 @@ impl Tracer<'_> {
             fault_at: None,
             projected: None,
         };
-        let walk = std::mem::replace(&mut self.walk, Walk::Ratio(ratio.clone()));
-        let wanted = std::mem::take(&mut self.wanted);
-        self.follow(
-            &mut code,
-            &ray,
-            &state,
-            sdfs,
-            &Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None },
-            None,
-        );
-        (self.walk, self.wanted) = (walk, wanted);
+        self.follow_towards(&mut code, Walk::Ratio(ratio.clone()), (&ray, &state), sdfs, limit);
         let depth = state.depth.map_or(Expr::F32(0.0), Expr::Local);
         code.return_(Expr::Local(ratio.weight) * (-depth).exp());
         Some(self.builder.add_function(code.finish(Some(Ty::float(dw)))))

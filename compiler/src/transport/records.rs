@@ -3,8 +3,8 @@
 use super::edges;
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{Aa, Primitive};
-use crate::program::kernel::{Expr, Prim, Ty};
-use crate::program::{FrameValue, Ledger, Output, OutputKind, RaySource};
+use crate::program::kernel::{Expr, Function, Prim, Stage, Ty};
+use crate::program::{Extent, FillPass, FrameValue, Ledger, Output, OutputKind, RaySource};
 
 /// The outputs that are made: those asked for, and what went wrong.
 pub(crate) fn wanted(options: &[OutputKind]) -> Vec<OutputKind> {
@@ -96,6 +96,24 @@ pub(crate) struct Pixel {
     pub(crate) x: Expr,
     pub(crate) y: Expr,
     pub(crate) record: Expr,
+}
+
+/// What a kernel goes over that traces rays, and its workgroups.
+pub(crate) fn extent(rays: RaySource) -> (Extent, [u32; 3]) {
+    match rays {
+        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
+        RaySource::List => (Extent::Rays, [64, 1, 1]),
+    }
+}
+
+/// Adds the kernel that fills the cache of light, if there is one.
+pub(crate) fn add_fill(
+    entries: &mut Vec<(&str, Stage, Function)>,
+    fill: Option<(FillPass, Function)>,
+) -> Option<FillPass> {
+    let (fill, entry) = fill?;
+    entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
+    Some(FillPass { kernel: entries.len() as u32 - 1, ..fill })
 }
 
 /// The number of this invocation's ray in a list. Leaves the kernel where there is no such ray.

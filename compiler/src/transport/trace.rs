@@ -321,17 +321,7 @@ impl Tracer<'_> {
             fault_at: None,
             projected: None,
         };
-        let (walk, wanted) =
-            (std::mem::replace(&mut self.walk, Walk::Shadow { dim }), std::mem::take(&mut self.wanted));
-        self.follow(
-            &mut code,
-            &ray,
-            &state,
-            sdfs,
-            &Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None },
-            None,
-        );
-        (self.walk, self.wanted) = (walk, wanted);
+        self.follow_towards(&mut code, Walk::Shadow { dim }, (&ray, &state), sdfs, limit);
         let depth = Expr::Local(state.depth?);
         let extra = [state.error.map(|e| ("error", Expr::Local(e))), state.work.map(|w| ("work", Expr::Local(w)))];
         if extra.iter().all(Option::is_none) {
@@ -354,6 +344,21 @@ impl Tracer<'_> {
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
         Some(Shadow { function, result, error: places[0], work: places[1], stepped })
+    }
+
+    /// Follows a ray towards a light, at this distance, on a walk of its own.
+    pub(super) fn follow_towards(
+        &mut self,
+        code: &mut Code,
+        walk: Walk,
+        (ray, state): (&Ray, &State),
+        sdfs: &[Option<SdfFunctions>],
+        limit: Expr,
+    ) {
+        let (walk, wanted) = (std::mem::replace(&mut self.walk, walk), std::mem::take(&mut self.wanted));
+        let stretch = Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None };
+        self.follow(code, ray, state, sdfs, &stretch, None);
+        (self.walk, self.wanted) = (walk, wanted);
     }
 
     /// Follows the ray through all media.

@@ -4,6 +4,7 @@ use super::number::{Interval, MAX_TERMS, binary, compare, polynomial, power, una
 use super::pyramid::{Extremes, sample_gradient_range, sample_range};
 use super::tables::TableBounds;
 use crate::ir::eval::cell_hash;
+use crate::ir::eval::registers::{Register, Registers};
 use crate::ir::{Binary, Compare, Filter, Fold, Graph, GridId, Input, NodeId, Op, Step, TableId, Unary, schedule};
 use rustc_hash::FxHashMap;
 
@@ -53,8 +54,6 @@ pub fn altitudes(position: [Interval; 3], center: [f64; 3], radius: f64) -> Inte
     binary(Binary::Sub, unary(Unary::Sqrt, square), Interval::point(radius))
 }
 
-type Register = u32;
-
 #[derive(Clone, Debug)]
 enum Instruction {
     Input(Input, u8, Register),
@@ -101,25 +100,16 @@ impl Enclosure {
     /// Compiles the evaluation of `roots`.
     #[must_use]
     pub fn new(graph: &Graph, roots: &[NodeId]) -> Self {
-        let mut variables = [None; 16];
-        for id in graph.ids() {
-            if let Op::LoopVar(depth) = graph.op(id) {
-                variables[*depth as usize] = Some(id);
-            }
-        }
         let mut builder = Builder {
             graph,
-            map: vec![None; graph.len()],
-            log: vec![],
-            variables,
-            constants: vec![],
-            registers: 0,
+            registers: Registers::new(graph),
             polynomials: FxHashMap::default(),
             floors: FxHashMap::default(),
         };
         let code = builder.steps(&schedule(graph, roots));
-        let roots = roots.iter().map(|r| builder.get(*r)).collect();
-        Self { code, constants: builder.constants, registers: builder.registers, roots }
+        let roots = roots.iter().map(|r| builder.registers.get(*r)).collect();
+        let Registers { constants, count, .. } = builder.registers;
+        Self { code, constants, registers: count, roots }
     }
 
     /// How much work a run is, in simple instructions.
@@ -206,46 +196,13 @@ impl Polynomial {
 
 struct Builder<'a> {
     graph: &'a Graph,
-    map: Vec<Option<Vec<Register>>>,
-    /// What to restore in the map when the current loop is left.
-    log: Vec<(NodeId, Option<Vec<Register>>)>,
-    /// The node of each loop variable.
-    variables: [Option<NodeId>; 16],
-    constants: Vec<(Register, f64)>,
-    registers: u32,
+    registers: Registers,
     polynomials: FxHashMap<Register, Polynomial>,
     /// Which register each ⌊x⌋ is of.
     floors: FxHashMap<Register, Register>,
 }
 
 impl Builder<'_> {
-    fn fresh(&mut self, count: u8) -> Register {
-        let first = self.registers;
-        self.registers += u32::from(count);
-        first
-    }
-
-    fn constant(&mut self, value: f64) -> Register {
-        let r = self.fresh(1);
-        self.constants.push((r, value));
-        self.polynomials.insert(r, Polynomial { base: None, terms: vec![value] });
-        r
-    }
-
-    fn get(&self, id: NodeId) -> Vec<Register> {
-        self.map[id.0 as usize].clone().expect("operands are scheduled first")
-    }
-
-    fn set(&mut self, id: NodeId, registers: Vec<Register>) {
-        let before = self.map[id.0 as usize].replace(registers);
-        self.log.push((id, before));
-    }
-
-    fn three(&self, id: NodeId) -> [Register; 3] {
-        let r = self.get(id);
-        [r[0], r[1], r[2]]
-    }
-
     fn steps(&mut self, steps: &[Step]) -> Vec<Instruction> {
         let mut code = vec![];
         for step in steps {
@@ -253,19 +210,10 @@ impl Builder<'_> {
                 Step::Node(id) => self.node(*id, &mut code),
                 Step::Loop(id, inner) => {
                     let Op::Reduce { fold, depth, start, end, body } = *self.graph.op(*id) else { continue };
-                    let variable = self.fresh(1);
-                    // An inner loop may shadow what an outer one computed, so registers are restored afterwards.
-                    let log = std::mem::take(&mut self.log);
-                    if let Some(var) = self.variables[depth as usize] {
-                        self.set(var, vec![variable]);
-                    }
+                    let scope = self.registers.enter(depth);
+                    let variable = scope.variable;
                     let code_inside = self.steps(inner);
-                    let body = self.get(body);
-                    for (id, before) in std::mem::replace(&mut self.log, log).into_iter().rev() {
-                        self.map[id.0 as usize] = before;
-                    }
-                    let out = self.fresh(body.len() as u8);
-                    self.set(*id, (out..out + body.len() as u32).collect());
+                    let (body, out) = self.registers.leave(scope, *id, body);
                     code.push(Instruction::Loop { range: (start, end), fold, variable, code: code_inside, body, out });
                 }
             }
@@ -303,32 +251,16 @@ impl Builder<'_> {
     fn node(&mut self, id: NodeId, code: &mut Vec<Instruction>) {
         let op = *self.graph.op(id);
         let width = self.graph.width(id);
-        let registers: Vec<Register> = match op {
-            Op::Const(c) => c.values().into_iter().map(|v| self.constant(v)).collect(),
-            Op::Truth(t) => vec![self.constant(f64::from(u8::from(t)))],
-            Op::LoopVar(_) | Op::Reduce { .. } => return, // bound by its loop
-            Op::Splat(a, w) => vec![self.get(a)[0]; w as usize],
-            Op::Extract(a, i) => vec![self.get(a)[i as usize]],
-            Op::Compose(parts, w) => parts[..w as usize].iter().map(|p| self.get(*p)[0]).collect(),
-            Op::Input(_)
-            | Op::Param(_)
-            | Op::Unary(..)
-            | Op::Binary(..)
-            | Op::PowI(..)
-            | Op::Compare(..)
-            | Op::Select { .. }
-            | Op::Dot(..)
-            | Op::Sample { .. }
-            | Op::SampleGradient { .. }
-            | Op::Lookup { .. }
-            | Op::LookupSlope { .. }
-            | Op::CellHash { .. } => {
-                let out = self.fresh(width);
+        let registers = match self.registers.without_instruction(op) {
+            Some(registers) => registers,
+            None if matches!(op, Op::LoopVar(_) | Op::Reduce { .. }) => return, // bound by its loop
+            None => {
+                let out = self.registers.fresh(width);
                 self.operation(op, (out, width), code);
                 (out..out + u32::from(width)).collect()
             }
         };
-        self.set(id, registers);
+        self.registers.set(id, registers);
     }
 
     fn operation(&mut self, op: Op, (out, width): (Register, u8), code: &mut Vec<Instruction>) {
@@ -337,7 +269,7 @@ impl Builder<'_> {
             Op::Input(i) => each.for_each(|(c, r)| code.push(Instruction::Input(i, c as u8, r))),
             Op::Param(p) => each.for_each(|(c, r)| code.push(Instruction::Param(p.0, c as u8, r))),
             Op::Unary(u, a) => {
-                let a = self.get(a);
+                let a = self.registers.get(a);
                 for (c, r) in each {
                     code.push(Instruction::Unary(u, a[c], r));
                     if u == Unary::Floor {
@@ -351,11 +283,11 @@ impl Builder<'_> {
                 }
             }
             Op::Binary(b, x, y) => {
-                let (x, y) = (self.get(x), self.get(y));
+                let (x, y) = (self.registers.get(x), self.registers.get(y));
                 each.for_each(|(c, r)| self.binary(b, x[c], y[c], r, code));
             }
             Op::PowI(a, n) => {
-                let a = self.get(a);
+                let a = self.registers.get(a);
                 for (c, r) in each {
                     code.push(Instruction::Power(n, a[c], r));
                     let base = self.polynomial(a[c]);
@@ -365,25 +297,37 @@ impl Builder<'_> {
                     }
                 }
             }
-            Op::Compare(c, x, y) => code.push(Instruction::Compare(c, self.get(x)[0], self.get(y)[0], out)),
+            Op::Compare(c, x, y) => {
+                code.push(Instruction::Compare(c, self.registers.get(x)[0], self.registers.get(y)[0], out))
+            }
             Op::Select { condition, accept, reject } => {
-                let (c, x, y) = (self.get(condition)[0], self.get(accept), self.get(reject));
+                let (c, x, y) =
+                    (self.registers.get(condition)[0], self.registers.get(accept), self.registers.get(reject));
                 each.for_each(|(i, r)| code.push(Instruction::Select(c, x[i], y[i], r)));
             }
-            Op::Dot(a, b) => code.push(Instruction::Dot(self.get(a).into_iter().zip(self.get(b)).collect(), out)),
+            Op::Dot(a, b) => {
+                code.push(Instruction::Dot(self.registers.get(a).into_iter().zip(self.registers.get(b)).collect(), out))
+            }
             Op::Sample { grid, at } => {
                 let info = self.graph.grid(grid);
                 let facts = (info.filter, info.header.dims, info.outside);
-                code.push(Instruction::Sample(grid, facts, self.three(at), out));
+                code.push(Instruction::Sample(grid, facts, self.registers.three(at), out));
             }
             Op::SampleGradient { grid, at } => {
                 let info = self.graph.grid(grid);
-                code.push(Instruction::SampleGradient(grid, (info.filter, info.header.dims), self.three(at), out));
+                code.push(Instruction::SampleGradient(
+                    grid,
+                    (info.filter, info.header.dims),
+                    self.registers.three(at),
+                    out,
+                ));
             }
-            Op::Lookup { table, at } => code.push(Instruction::Lookup(table, self.get(at)[0], width, out)),
-            Op::LookupSlope { table, at } => code.push(Instruction::LookupSlope(table, self.get(at)[0], width, out)),
+            Op::Lookup { table, at } => code.push(Instruction::Lookup(table, self.registers.get(at)[0], width, out)),
+            Op::LookupSlope { table, at } => {
+                code.push(Instruction::LookupSlope(table, self.registers.get(at)[0], width, out))
+            }
             Op::CellHash { cell, seed } => {
-                code.push(Instruction::CellHash(self.three(cell), self.get(seed)[0], out));
+                code.push(Instruction::CellHash(self.registers.three(cell), self.registers.get(seed)[0], out));
             }
             Op::Const(_)
             | Op::Truth(_)

@@ -66,10 +66,7 @@ pub(super) fn build(
         RaySource::List => "probe",
     };
     let mut entries = vec![(name, Stage::Compute(workgroup), entry)];
-    let fill = traced.fill.take().map(|(fill, entry)| {
-        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
-        fill
-    });
+    let fill = records::add_fill(&mut entries, traced.fill.take());
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let work_per_ray = match rule {
         StepRule::Closed => 1,

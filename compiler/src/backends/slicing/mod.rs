@@ -13,7 +13,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Extent, Geometry, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, records, resolve};
@@ -54,20 +54,14 @@ pub(super) fn build(
     let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, (rays, Aimed::Planes));
     let (outline, slice) = slice::entries(&mut builder, &slabs, &layers);
     let resolve = resolve::entry(&mut builder, &slabs, &layers, (options.rays, rays, edge), stride);
-    let (extent, group) = match options.rays {
-        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
-        RaySource::List => (Extent::Rays, [64, 1, 1]),
-    };
+    let (extent, group) = records::extent(options.rays);
     let mut entries = vec![
         ("aim", Stage::Compute(group), aim),
         ("outline", Stage::Vertex, outline),
         ("slice", Stage::Fragment, slice),
         ("resolve", Stage::Compute(group), resolve),
     ];
-    let fill = slabs.fill.map(|(fill, entry)| {
-        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
-        crate::program::FillPass { kernel: entries.len() as u32 - 1, ..fill }
-    });
+    let fill = records::add_fill(&mut entries, slabs.fill);
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let plan = Plan {
         backend: "slicing",

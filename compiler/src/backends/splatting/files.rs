@@ -13,7 +13,7 @@ use crate::diagnostic::Diagnostics;
 use crate::fields::KernelBuilder;
 use crate::ir::{FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Extent, FootprintLayout, FootprintShape, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::program::{FootprintLayout, FootprintShape, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::{Scene, Tracer, records};
 
@@ -70,15 +70,9 @@ pub(super) fn build(
     let (outputs, stride) = records::layout(&fields, false);
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Point));
     let (blend, carried) = veil::entry(scene, &mut builder, &pieces, layout, (rays, stride), (&fields, ledger));
-    let (extent, group) = match options.rays {
-        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
-        RaySource::List => (Extent::Rays, [64, 1, 1]),
-    };
+    let (extent, group) = records::extent(options.rays);
     let mut entries = vec![("aim", Stage::Compute(group), aim), ("blend", Stage::Compute(group), blend)];
-    let fill = pieces.fill.map(|(fill, entry)| {
-        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
-        crate::program::FillPass { kernel: entries.len() as u32 - 1, ..fill }
-    });
+    let fill = records::add_fill(&mut entries, pieces.fill);
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let plan = Plan {
         backend: "splatting",

@@ -20,7 +20,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Extent, Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, RaySource, StepRule};
+use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, records, resolve};
@@ -68,10 +68,7 @@ pub(super) fn build(
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes));
     let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
     let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), stride);
-    let (extent, group) = match options.rays {
-        RaySource::Camera => (Extent::Tile, [8, 8, 1]),
-        RaySource::List => (Extent::Rays, [64, 1, 1]),
-    };
+    let (extent, group) = records::extent(options.rays);
     let mut entries = vec![
         ("plant", Stage::Compute([64, 1, 1]), plant),
         ("aim", Stage::Compute(group), aim),
@@ -79,10 +76,7 @@ pub(super) fn build(
         ("splat", Stage::Fragment, splat),
         ("resolve", Stage::Compute(group), resolve),
     ];
-    let fill = pieces.fill.map(|(fill, entry)| {
-        entries.push(("fill", Stage::Compute([64, 1, 1]), entry));
-        crate::program::FillPass { kernel: entries.len() as u32 - 1, ..fill }
-    });
+    let fill = records::add_fill(&mut entries, pieces.fill);
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let plan = Plan {
         backend: "splatting",

@@ -51,15 +51,8 @@ impl Checker<'_> {
             return None;
         }
         let from = modules.module(item.module).name.clone();
-        let header = match self.loader.splats(&from, &path) {
-            Ok(header) => header,
-            Err(error) => {
-                let mut problem = Diagnostic::error(error.code, error.message).at(file.value.span, "named here");
-                problem.hints.extend(error.hint);
-                self.report(problem);
-                return None;
-            }
-        };
+        let header = self.loader.splats(&from, &path);
+        let header = self.header(header, file.value.span)?;
         let (transform, blend) = (transform?, blend?);
         let id = SplatsId(self.splats.len() as u32);
         let span = block.name.as_ref().map_or(declared.span, |n| n.span);

@@ -107,15 +107,8 @@ impl Checker<'_> {
         };
         if let ExprKind::String(path) = &file.kind {
             let from = self.modules.module(ModuleId::SCENE).name.clone();
-            let header = match self.loader.mesh(&from, path) {
-                Ok(header) => header,
-                Err(error) => {
-                    let mut problem = Diagnostic::error(error.code, error.message).at(file.span, "named here");
-                    problem.hints.extend(error.hint);
-                    self.report(problem);
-                    return None;
-                }
-            };
+            let header = self.loader.mesh(&from, path);
+            let header = self.header(header, file.span)?;
             return Some(SurfaceShape::Mesh { path: path.clone(), from, header });
         }
         let mut scope = self.fixed_scope(ModuleId::SCENE, "surface", "shape");

@@ -4,6 +4,7 @@ mod draws;
 mod grid;
 pub mod mie;
 mod sphere;
+pub(crate) mod registers;
 mod tape;
 
 pub use draws::{Part, phase_draws};

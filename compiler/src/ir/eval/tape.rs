@@ -5,6 +5,7 @@
 
 use super::super::schedule::{Step, schedule};
 use super::super::{Binary, Compare, Filter, Fold, Graph, GridId, Input, NodeId, Op, TableId, Unary};
+use super::registers::{Register, Registers};
 use super::{Tables, Voxels, binary, cell_hash, compare, interpolate, interpolate_gradient, unary};
 
 /// Points evaluated at once.
@@ -45,8 +46,6 @@ impl Default for Environment<'static> {
         }
     }
 }
-
-type Register = u32;
 
 #[derive(Clone, Debug)]
 enum Instruction {
@@ -121,24 +120,11 @@ impl Tape {
     /// Compiles the evaluation of `roots`.
     #[must_use]
     pub fn new(graph: &Graph, roots: &[NodeId]) -> Self {
-        let mut variables = [None; 16];
-        for id in graph.ids() {
-            if let Op::LoopVar(depth) = graph.op(id) {
-                variables[*depth as usize] = Some(id);
-            }
-        }
-        let mut builder = Builder {
-            graph,
-            map: vec![None; graph.len()],
-            log: vec![],
-            variables,
-            constants: vec![],
-            registers: 0,
-            tables: false,
-        };
+        let mut builder = Builder { graph, registers: Registers::new(graph), tables: false };
         let code = builder.steps(&schedule(graph, roots));
-        let roots = roots.iter().map(|r| builder.get(*r)).collect();
-        Self { code, constants: builder.constants, registers: builder.registers, roots, tables: builder.tables }
+        let roots = roots.iter().map(|r| builder.registers.get(*r)).collect();
+        let Registers { constants, count, .. } = builder.registers;
+        Self { code, constants, registers: count, roots, tables: builder.tables }
     }
 
     /// Whether [`Environment::tables`] is read.
@@ -183,43 +169,11 @@ impl Tape {
 
 struct Builder<'a> {
     graph: &'a Graph,
-    map: Vec<Option<Vec<Register>>>,
-    /// What to restore in the map when the current loop is left.
-    log: Vec<(NodeId, Option<Vec<Register>>)>,
-    /// The node of each loop variable.
-    variables: [Option<NodeId>; 16],
-    constants: Vec<(Register, f64)>,
-    registers: u32,
+    registers: Registers,
     tables: bool,
 }
 
 impl Builder<'_> {
-    fn fresh(&mut self, count: u8) -> Register {
-        let first = self.registers;
-        self.registers += u32::from(count);
-        first
-    }
-
-    fn constant(&mut self, value: f64) -> Register {
-        let r = self.fresh(1);
-        self.constants.push((r, value));
-        r
-    }
-
-    fn get(&self, id: NodeId) -> Vec<Register> {
-        self.map[id.0 as usize].clone().expect("operands are scheduled first")
-    }
-
-    fn set(&mut self, id: NodeId, registers: Vec<Register>) {
-        let before = self.map[id.0 as usize].replace(registers);
-        self.log.push((id, before));
-    }
-
-    fn three(&self, id: NodeId) -> [Register; 3] {
-        let r = self.get(id);
-        [r[0], r[1], r[2]]
-    }
-
     fn steps(&mut self, steps: &[Step]) -> Vec<Instruction> {
         let mut code = vec![];
         for step in steps {
@@ -227,19 +181,10 @@ impl Builder<'_> {
                 Step::Node(id) => self.node(*id, &mut code),
                 Step::Loop(id, inner) => {
                     let Op::Reduce { fold, depth, start, end, body } = *self.graph.op(*id) else { continue };
-                    let variable = self.fresh(1);
-                    // An inner loop may shadow what an outer one computed, so registers are restored afterwards.
-                    let log = std::mem::take(&mut self.log);
-                    if let Some(var) = self.variables[depth as usize] {
-                        self.set(var, vec![variable]);
-                    }
+                    let scope = self.registers.enter(depth);
+                    let variable = scope.variable;
                     let code_inside = self.steps(inner);
-                    let body = self.get(body);
-                    for (id, before) in std::mem::replace(&mut self.log, log).into_iter().rev() {
-                        self.map[id.0 as usize] = before;
-                    }
-                    let out = self.fresh(body.len() as u8);
-                    self.set(*id, (out..out + body.len() as u32).collect());
+                    let (body, out) = self.registers.leave(scope, *id, body);
                     code.push(Instruction::Loop { start, end, fold, variable, code: code_inside, body, out });
                 }
             }
@@ -250,40 +195,46 @@ impl Builder<'_> {
     fn node(&mut self, id: NodeId, code: &mut Vec<Instruction>) {
         let op = *self.graph.op(id);
         let width = self.graph.width(id);
-        let registers: Vec<Register> = match op {
-            Op::Const(c) => c.values().into_iter().map(|v| self.constant(v)).collect(),
-            Op::Truth(t) => vec![self.constant(f64::from(u8::from(t)))],
-            Op::LoopVar(_) => return, // bound by its loop
-            Op::Splat(a, w) => vec![self.get(a)[0]; w as usize],
-            Op::Extract(a, i) => vec![self.get(a)[i as usize]],
-            Op::Compose(parts, w) => parts[..w as usize].iter().map(|p| self.get(*p)[0]).collect(),
-            _ => {
-                let out = self.fresh(width);
+        let registers = match self.registers.without_instruction(op) {
+            Some(registers) => registers,
+            None if matches!(op, Op::LoopVar(_)) => return, // bound by its loop
+            None => {
+                let out = self.registers.fresh(width);
                 let range = out..out + u32::from(width);
                 match op {
                     Op::Input(i) => range.clone().zip(0..).for_each(|(r, c)| code.push(Instruction::Input(i, c, r))),
                     Op::Param(p) => range.clone().zip(0..).for_each(|(r, c)| code.push(Instruction::Param(p.0, c, r))),
                     Op::Unary(u, a) => {
-                        range.clone().zip(self.get(a)).for_each(|(r, a)| code.push(Instruction::Unary(u, a, r)));
+                        range
+                            .clone()
+                            .zip(self.registers.get(a))
+                            .for_each(|(r, a)| code.push(Instruction::Unary(u, a, r)));
                     }
                     Op::Binary(b, x, y) => {
-                        for ((r, x), y) in range.clone().zip(self.get(x)).zip(self.get(y)) {
+                        for ((r, x), y) in range.clone().zip(self.registers.get(x)).zip(self.registers.get(y)) {
                             code.push(Instruction::Binary(b, x, y, r));
                         }
                     }
                     Op::PowI(a, n) => {
-                        range.clone().zip(self.get(a)).for_each(|(r, a)| code.push(Instruction::PowI(n, a, r)));
+                        range
+                            .clone()
+                            .zip(self.registers.get(a))
+                            .for_each(|(r, a)| code.push(Instruction::PowI(n, a, r)));
                     }
-                    Op::Compare(c, x, y) => code.push(Instruction::Compare(c, self.get(x)[0], self.get(y)[0], out)),
+                    Op::Compare(c, x, y) => {
+                        code.push(Instruction::Compare(c, self.registers.get(x)[0], self.registers.get(y)[0], out))
+                    }
                     Op::Select { condition, accept, reject } => {
-                        let c = self.get(condition)[0];
-                        for ((r, x), y) in range.clone().zip(self.get(accept)).zip(self.get(reject)) {
+                        let c = self.registers.get(condition)[0];
+                        for ((r, x), y) in range.clone().zip(self.registers.get(accept)).zip(self.registers.get(reject))
+                        {
                             code.push(Instruction::Select(c, x, y, r));
                         }
                     }
-                    Op::Dot(a, b) => {
-                        code.push(Instruction::Dot(self.get(a).into_iter().zip(self.get(b)).collect(), out))
-                    }
+                    Op::Dot(a, b) => code.push(Instruction::Dot(
+                        self.registers.get(a).into_iter().zip(self.registers.get(b)).collect(),
+                        out,
+                    )),
                     Op::Sample { grid, at } => {
                         let info = self.graph.grid(grid);
                         code.push(Instruction::Sample {
@@ -291,13 +242,13 @@ impl Builder<'_> {
                             filter: info.filter,
                             dims: info.header.dims,
                             outside: info.outside,
-                            at: self.three(at),
+                            at: self.registers.three(at),
                             out,
                         });
                     }
                     Op::SampleGradient { grid, at } => {
                         let info = self.graph.grid(grid);
-                        let at = self.three(at);
+                        let at = self.registers.three(at);
                         code.push(Instruction::SampleGradient {
                             grid,
                             filter: info.filter,
@@ -308,14 +259,18 @@ impl Builder<'_> {
                     }
                     Op::Lookup { table, at } => {
                         self.tables = true;
-                        code.push(Instruction::Lookup { table, at: self.get(at)[0], width, out });
+                        code.push(Instruction::Lookup { table, at: self.registers.get(at)[0], width, out });
                     }
                     Op::LookupSlope { table, at } => {
                         self.tables = true;
-                        code.push(Instruction::LookupSlope { table, at: self.get(at)[0], width, out });
+                        code.push(Instruction::LookupSlope { table, at: self.registers.get(at)[0], width, out });
                     }
                     Op::CellHash { cell, seed } => {
-                        code.push(Instruction::CellHash { cell: self.three(cell), seed: self.get(seed)[0], out });
+                        code.push(Instruction::CellHash {
+                            cell: self.registers.three(cell),
+                            seed: self.registers.get(seed)[0],
+                            out,
+                        });
                     }
                     Op::Const(_)
                     | Op::Truth(_)
@@ -328,7 +283,7 @@ impl Builder<'_> {
                 range.collect()
             }
         };
-        self.set(id, registers);
+        self.registers.set(id, registers);
     }
 }
 
