@@ -159,58 +159,56 @@ impl Loader for FileLoader {
     }
 }
 
-/// Each file is read once.
+/// What is read of a list of items: the names of their files, and for each item its file's content with the warnings of reading
+/// it. Each file is read once, and its warnings are told once.
+fn each_once<T>(
+    names: impl Iterator<Item = String>,
+    mut read: impl FnMut(usize, &str) -> Result<(Arc<T>, Vec<LoadWarning>), LoadError>,
+) -> Result<Vec<(String, Arc<T>, Vec<LoadWarning>)>, (LoadError, usize)> {
+    let mut loaded: Vec<(String, Arc<T>, Vec<LoadWarning>)> = vec![];
+    for (i, name) in names.enumerate() {
+        let same = loaded.iter().find(|l| l.0 == name).map(|l| l.1.clone());
+        let (content, warnings) = match same {
+            Some(content) => (content, vec![]),
+            None => read(i, &name).map_err(|e| (e, i))?,
+        };
+        loaded.push((name, content, warnings));
+    }
+    Ok(loaded)
+}
+
+/// Unless a file says something else now than when the scene was checked.
+fn unchanged(same: bool, name: &str) -> Result<(), LoadError> {
+    if same { Ok(()) } else { Err(changed(name)) }
+}
+
 impl SceneFiles for FileLoader {
     fn volumes(&self, grids: &[GridInfo]) -> Result<Vec<Loaded>, (LoadError, usize)> {
-        let mut loaded: Vec<Loaded> = vec![];
-        for (i, grid) in grids.iter().enumerate() {
-            let name = Self::resolve(&grid.from, &grid.path);
-            if let Some(same) = loaded.iter().find(|l| l.name == name) {
-                loaded.push(Loaded { warnings: vec![], ..same.clone() });
-                continue;
-            }
-            let (volume, warnings) = data::read_volume(&self.root.join(&name)).map_err(|e| (e, i))?;
+        let all = each_once(grids.iter().map(|g| Self::resolve(&g.from, &g.path)), |i, name| {
+            let (volume, warnings) = data::read_volume(&self.root.join(name))?;
             // By their text: a number that is not one differs from itself, and must not here.
-            if format!("{:?}", volume.header()) != format!("{:?}", grid.header) {
-                return Err((changed(&name), i));
-            }
-            loaded.push(Loaded { name, volume: Arc::new(volume), warnings });
-        }
-        Ok(loaded)
+            unchanged(format!("{:?}", volume.header()) == format!("{:?}", grids[i].header), name)?;
+            Ok((Arc::new(volume), warnings))
+        })?;
+        Ok(all.into_iter().map(|(name, volume, warnings)| Loaded { name, volume, warnings }).collect())
     }
 
     fn meshes(&self, meshes: &[MeshInfo]) -> Result<Vec<LoadedMesh>, (LoadError, usize)> {
-        let mut loaded: Vec<LoadedMesh> = vec![];
-        for (i, info) in meshes.iter().enumerate() {
-            let name = Self::resolve(&info.from, &info.path);
-            if let Some(same) = loaded.iter().find(|l| l.name == name) {
-                loaded.push(LoadedMesh { warnings: vec![], ..same.clone() });
-                continue;
-            }
-            let (mesh, warnings) = mesh::read_mesh(&self.root.join(&name)).map_err(|e| (e, i))?;
-            if mesh.header() != info.header {
-                return Err((changed(&name), i));
-            }
-            loaded.push(LoadedMesh { name, mesh: Arc::new(mesh), warnings });
-        }
-        Ok(loaded)
+        let all = each_once(meshes.iter().map(|m| Self::resolve(&m.from, &m.path)), |i, name| {
+            let (mesh, warnings) = mesh::read_mesh(&self.root.join(name))?;
+            unchanged(mesh.header() == meshes[i].header, name)?;
+            Ok((Arc::new(mesh), warnings))
+        })?;
+        Ok(all.into_iter().map(|(name, mesh, warnings)| LoadedMesh { name, mesh, warnings }).collect())
     }
 
     fn read_splats(&self, splats: &[SplatsInfo]) -> Result<Vec<LoadedSplats>, (LoadError, usize)> {
-        let mut loaded: Vec<LoadedSplats> = vec![];
-        for (i, info) in splats.iter().enumerate() {
-            let name = Self::resolve(&info.from, &info.path);
-            if let Some(same) = loaded.iter().find(|l| l.name == name) {
-                loaded.push(LoadedSplats { warnings: vec![], ..same.clone() });
-                continue;
-            }
-            let (splats, warnings) = splats::read_splats(&self.root.join(&name)).map_err(|e| (e, i))?;
-            if splats.header() != info.header {
-                return Err((changed(&name), i));
-            }
-            loaded.push(LoadedSplats { name, splats: Arc::new(splats), warnings });
-        }
-        Ok(loaded)
+        let all = each_once(splats.iter().map(|s| Self::resolve(&s.from, &s.path)), |i, name| {
+            let (content, warnings) = splats::read_splats(&self.root.join(name))?;
+            unchanged(content.header() == splats[i].header, name)?;
+            Ok((Arc::new(content), warnings))
+        })?;
+        Ok(all.into_iter().map(|(name, splats, warnings)| LoadedSplats { name, splats, warnings }).collect())
     }
 }
 

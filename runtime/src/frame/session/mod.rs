@@ -10,21 +10,22 @@ mod splats;
 use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
-    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, LoadedSplats, Nothing, Params, SceneFiles,
-    Vec3, pack_ray, sample_offsets, scene_bounds,
+    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Params, SceneFiles, Vec3,
+    pack_ray, sample_offsets, scene_bounds,
 };
-use crate::data::Volume;
 use crate::data::mesh::Mesh;
 use crate::data::splats::Splats;
+use crate::data::{LoadWarning, Volume};
 use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::{Display, Picture};
 use compiler::analysis::interval::Interval;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use compiler::ir::eval::evaluate_frame;
-use compiler::ir::{Aa, FieldScene, MeshId, MeshInfo, Scattering, SplatsInfo};
+use compiler::ir::{Aa, MeshId, Scattering};
+use compiler::loader::LoadError;
 use compiler::program::{OutputKind, Program, RaySource, StepRule, UniformField, UniformSource};
-use compiler::source::Sources;
+use compiler::source::{Sources, Span};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -266,40 +267,16 @@ impl Session {
         let Some(mut program) = compiled.program.filter(|_| !warnings.has_errors()) else {
             return Err(trouble(Cause::Input, &warnings));
         };
-        let mut shaders = emit(&program).map_err(|error| {
-            warnings.push(error);
-            trouble(Cause::Input, &warnings)
-        })?;
-        let compile_ms = milliseconds(started);
+        let mut compile_ms = milliseconds(started);
         let started = Instant::now();
         let infos = &program.lowered.graph.grids;
-        let loaded = loader.volumes(infos).map_err(|(error, grid)| {
-            let mut diagnostic = Diagnostic::error(error.code, error.message);
-            diagnostic.hints.extend(error.hint);
-            warnings.push(at_grid(diagnostic, &program.lowered, grid));
-            trouble(Cause::Input, &warnings)
-        })?;
-        for (i, grid) in loaded.iter().enumerate() {
-            for warning in &grid.warnings {
-                let mut diagnostic = warning.to_diagnostic();
-                diagnostic.message = format!("`{}`: {}", grid.name, diagnostic.message);
-                warnings.push(at_grid(diagnostic, &program.lowered, i));
-            }
-        }
+        let spans: Vec<_> = infos.iter().map(|g| g.span).collect();
+        let loaded = loader.volumes(infos).map_err(|e| unreadable(&mut warnings, e, &spans, &trouble))?;
+        tell(&mut warnings, loaded.iter().map(|g| (&g.name, &g.warnings)), &spans);
         let infos = &program.lowered.meshes;
-        let meshes = loader.meshes(infos).map_err(|(error, mesh)| {
-            let mut diagnostic = Diagnostic::error(error.code, error.message);
-            diagnostic.hints.extend(error.hint);
-            warnings.push(at_mesh(diagnostic, infos, mesh));
-            trouble(Cause::Input, &warnings)
-        })?;
-        for (i, mesh) in meshes.iter().enumerate() {
-            for warning in &mesh.warnings {
-                let mut diagnostic = warning.to_diagnostic();
-                diagnostic.message = format!("`{}`: {}", mesh.name, diagnostic.message);
-                warnings.push(at_mesh(diagnostic, infos, i));
-            }
-        }
+        let spans: Vec<_> = infos.iter().map(|m| m.span).collect();
+        let meshes = loader.meshes(infos).map_err(|e| unreadable(&mut warnings, e, &spans, &trouble))?;
+        tell(&mut warnings, meshes.iter().map(|m| (&m.name, &m.warnings)), &spans);
         let grids = Grids::new(loaded);
         let mut held = match settings.engine {
             EngineChoice::Auto | EngineChoice::Gpu => Bounding::new(&program, &settings.options).of(
@@ -319,30 +296,23 @@ impl Session {
                     part.plan.bounds.iter().any(|b| Bricks::hides(&part.optimised, b, at, &grids, nothing))
                 })
         };
+        let again = Instant::now();
         if held.as_ref().is_some_and(idle) {
             let options = compiler::Options { unbounded: true, ..settings.options.clone() };
             if let Some(plain) = compiler::compile(name, text, loader, &options).program {
-                shaders = emit(&plain).map_err(|error| {
-                    warnings.push(error);
-                    trouble(Cause::Input, &warnings)
-                })?;
                 (program, held) = (plain, None);
             }
         }
-        let infos = &program.lowered.splats;
-        let splats: Vec<LoadedSplats> = loader.read_splats(infos).map_err(|(error, item)| {
-            let mut diagnostic = Diagnostic::error(error.code, error.message);
-            diagnostic.hints.extend(error.hint);
-            warnings.push(at_splats(diagnostic, infos, item));
+        let shaders = emit(&program).map_err(|error| {
+            warnings.push(error);
             trouble(Cause::Input, &warnings)
         })?;
-        for (i, file) in splats.iter().enumerate() {
-            for warning in &file.warnings {
-                let mut diagnostic = warning.to_diagnostic();
-                diagnostic.message = format!("`{}`: {}", file.name, diagnostic.message);
-                warnings.push(at_splats(diagnostic, infos, i));
-            }
-        }
+        let emit_ms = milliseconds(again);
+        compile_ms += emit_ms;
+        let infos = &program.lowered.splats;
+        let spans: Vec<_> = infos.iter().map(|s| s.span).collect();
+        let splats = loader.read_splats(infos).map_err(|e| unreadable(&mut warnings, e, &spans, &trouble))?;
+        tell(&mut warnings, splats.iter().map(|s| (&s.name, &s.warnings)), &spans);
         let program = Arc::new(program);
         let (engine, fallback) = choose(&program, shaders, (grids.loaded(), &meshes), &settings).map_err(|error| {
             warnings.push(machine(&error));
@@ -366,7 +336,7 @@ impl Session {
             grid_ranges,
             bricks: Mutex::new(held),
             compile_ms,
-            build_ms: milliseconds(started),
+            build_ms: milliseconds(started) - emit_ms,
         })
     }
 
@@ -875,24 +845,38 @@ fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }
 
-fn at_grid(diagnostic: Diagnostic, scene: &FieldScene, grid: usize) -> Diagnostic {
-    match scene.graph.grids.get(grid).and_then(|g| g.span) {
+fn at_file(diagnostic: Diagnostic, span: Option<Span>) -> Diagnostic {
+    match span {
         Some(span) => diagnostic.at(span, "this file"),
         None => diagnostic,
     }
 }
 
-fn at_mesh(diagnostic: Diagnostic, meshes: &[MeshInfo], mesh: usize) -> Diagnostic {
-    match meshes.get(mesh).and_then(|m| m.span) {
-        Some(span) => diagnostic.at(span, "this file"),
-        None => diagnostic,
-    }
+/// A file that could not be read, of the item of this number.
+fn unreadable(
+    found: &mut Diagnostics,
+    (error, item): (LoadError, usize),
+    spans: &[Option<Span>],
+    trouble: &dyn Fn(Cause, &Diagnostics) -> Trouble,
+) -> Trouble {
+    let mut diagnostic = Diagnostic::error(error.code, error.message);
+    diagnostic.hints.extend(error.hint);
+    found.push(at_file(diagnostic, spans.get(item).copied().flatten()));
+    trouble(Cause::Input, found)
 }
 
-fn at_splats(diagnostic: Diagnostic, splats: &[SplatsInfo], item: usize) -> Diagnostic {
-    match splats.get(item).and_then(|s| s.span) {
-        Some(span) => diagnostic.at(span, "this file"),
-        None => diagnostic,
+/// What reading files has found, by their names, each at its item.
+fn tell<'f>(
+    found: &mut Diagnostics,
+    files: impl Iterator<Item = (&'f String, &'f Vec<LoadWarning>)>,
+    spans: &[Option<Span>],
+) {
+    for ((name, warnings), span) in files.zip(spans) {
+        for warning in warnings {
+            let mut diagnostic = warning.to_diagnostic();
+            diagnostic.message = format!("`{name}`: {}", diagnostic.message);
+            found.push(at_file(diagnostic, *span));
+        }
     }
 }
 
