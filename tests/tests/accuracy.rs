@@ -6,8 +6,8 @@ use compiler::program::OutputKind;
 use runtime::frame::EngineChoice;
 use tyndall_tests::{codes, draw, every_scene, fail, name, open, probe, root};
 
-/// Where light through media is kept on a lattice that is too coarse for the accuracy, near the outline of a ball as the sun sees
-/// it: pixels may be beyond it, by no more than the picture says.
+/// Pixels of these may be beyond the accuracy, by no more than the picture says. It is likely, and not proved, that the lattice on
+/// which light through media is kept is too coarse near the outline of a ball as the sun sees it.
 const BEYOND: [&str; 1] = ["spectral_light"];
 
 /// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: by marching at every pixel
