@@ -98,7 +98,7 @@ fn the_table_has_a_line_for_each_picture() {
 
 #[test]
 fn the_page_needs_no_network_and_shows_everything() {
-    let (place, _) = report(SMOOTH, &["--budget", "3"]);
+    let (place, _) = report(SMOOTH, &["--budget", "8"]);
     let page = fs::read_to_string(place.path().join("out/report.html")).expect("written");
     for there in [
         "<svg",

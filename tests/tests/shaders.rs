@@ -94,7 +94,7 @@ const TRACES: [(&str, fn(&str) -> bool); 8] = [
 /// for others to have it.
 const WORDS: [(&str, &[&str], fn(&str) -> bool); 6] = [
     // What a step of a march adds is light too, wherever it comes from.
-    ("light", &["light", "light_first", "light_mid", "light_second", "light_error"], lit),
+    ("light", &["light", "light_first", "light_whole", "light_second", "light_error"], lit),
     ("phase", &[], lit),
     ("shadow", &[], lit),
     ("sampler", &[], |scene| scene.contains("grid ")),

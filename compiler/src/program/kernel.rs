@@ -455,6 +455,12 @@ impl From<f64> for Expr {
     }
 }
 
+impl From<bool> for Expr {
+    fn from(value: bool) -> Self {
+        Self::Bool(value)
+    }
+}
+
 impl From<u32> for Expr {
     fn from(value: u32) -> Self {
         Self::U32(value)

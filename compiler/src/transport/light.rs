@@ -32,8 +32,6 @@ pub(super) struct InScattered {
     pub(super) error: Option<u32>,
     /// Field of the number of evaluations.
     pub(super) work: Option<u32>,
-    /// Field that tells which lights are not behind a surface: 2ⁱ for each.
-    pub(super) visible: Option<u32>,
     /// Whether the function takes the optical depth that the rounding of its place may make.
     pub(super) unsure: bool,
 }
@@ -74,8 +72,6 @@ pub(super) struct LightSample {
     pub(super) irradiance: Expr,
     /// For an environment: whether the sample has an even number.
     even: Option<Expr>,
-    /// The number of its light, if this is all of it: then a surface cuts it off sharply.
-    sharp: Option<u32>,
     /// Where its column is kept.
     pub(super) channel: Channel,
 }
@@ -88,8 +84,6 @@ pub(super) enum Receiver<'r> {
     Surface { normal: &'r Expr },
     /// A vertex of a path, which takes one sample of each light at random, and none of the environment.
     Path { rng: LocalId },
-    /// Asks for lights that shine from one place alone.
-    Sharp,
 }
 
 /// The sums of a gathering function.
@@ -101,7 +95,6 @@ struct Gathered {
     /// How much optical depth the rounding of the place may make, where that is counted.
     unsure: Option<Expr>,
     work: Option<LocalId>,
-    visible: Option<LocalId>,
 }
 
 impl Tracer<'_> {
@@ -165,25 +158,11 @@ impl Tracer<'_> {
                     let e = widen(e, self.graph.width(irradiance), lw);
                     let to = code.bind(&format!("to_{name}"), Ty::VEC3, -travel);
                     let Some(diameter) = angular_diameter else {
-                        let (limit, sharp) = (Expr::F32(FAR), Some(number));
-                        each(
-                            self,
-                            code,
-                            &LightSample {
-                                to,
-                                limit,
-                                irradiance: e,
-                                even: None,
-                                sharp,
-                                channel: Channel::Light(number),
-                            },
-                        );
+                        let (limit, channel) = (Expr::F32(FAR), Channel::Light(number));
+                        each(self, code, &LightSample { to, limit, irradiance: e, even: None, channel });
                         continue;
                     };
                     let diameter = self.builder.value(self.graph, diameter, &format!("{name}_angular_diameter"));
-                    if let Receiver::Sharp = receiver {
-                        continue;
-                    }
                     if let Receiver::Path { rng } = receiver {
                         self.disc_point(code, (number, &to), e, &(diameter * 0.5), *rng, each);
                     } else {
@@ -210,7 +189,6 @@ impl Tracer<'_> {
                     let to = code.bind(&format!("to_{name}"), Ty::VEC3, to);
                     let e = i / near.clone().splat(lw) / near.splat(lw);
                     let e = code.bind("irradiance", Ty::float(lw), e.min(Expr::F32(1e30).splat(lw)));
-                    let sharp = Some(number);
                     each(
                         self,
                         code,
@@ -219,7 +197,6 @@ impl Tracer<'_> {
                             limit: distance,
                             irradiance: e,
                             even: None,
-                            sharp,
                             channel: Channel::Light(number),
                         },
                     );
@@ -269,7 +246,6 @@ impl Tracer<'_> {
                 limit: Expr::F32(FAR),
                 irradiance: e,
                 even: None,
-                sharp: None,
                 channel: Channel::Light(number),
             },
         );
@@ -304,7 +280,6 @@ impl Tracer<'_> {
                 limit: Expr::F32(FAR),
                 irradiance: e,
                 even: None,
-                sharp: None,
                 channel: Channel::Light(number),
             },
         );
@@ -325,7 +300,7 @@ impl Tracer<'_> {
         let axis = match receiver {
             Receiver::Medium { direction, .. } => (*direction).clone(),
             Receiver::Surface { normal } => (*normal).clone(),
-            Receiver::Path { .. } | Receiver::Sharp => return,
+            Receiver::Path { .. } => return,
         };
         let frame = Self::across(code, &axis);
         let i = code.var("of_light", Ty::F32, 0.0);
@@ -335,7 +310,7 @@ impl Tracer<'_> {
         // 1 − cos and 1 + cos of the angle from the axis, and the solid angle that the sample stands for.
         let of_cosine = |mu: Expr| (Expr::F32(1.0) - mu.clone(), Expr::F32(1.0) + mu);
         let (turn, solid) = match receiver {
-            Receiver::Surface { .. } | Receiver::Path { .. } | Receiver::Sharp => {
+            Receiver::Surface { .. } | Receiver::Path { .. } => {
                 let mu = code.bind("mu", Ty::F32, (Expr::F32(1.0) - u).max(0.0).sqrt());
                 (of_cosine(mu.clone()), Expr::F32(PI / f64::from(count)) / mu.max(1e-6))
             }
@@ -375,7 +350,6 @@ impl Tracer<'_> {
                 limit: Expr::F32(FAR),
                 irradiance: e,
                 even: Some(even),
-                sharp: None,
                 channel: Channel::Sky(i.into()),
             },
         );
@@ -407,7 +381,7 @@ impl Tracer<'_> {
                 code.push_loop(block);
                 code.bind("solid", Ty::F32, Expr::F32(PI) / Expr::Local(cosines))
             }
-            Receiver::Medium { .. } | Receiver::Path { .. } | Receiver::Sharp => Expr::F32(4.0 * PI / f64::from(SKY)),
+            Receiver::Medium { .. } | Receiver::Path { .. } => Expr::F32(4.0 * PI / f64::from(SKY)),
         };
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
@@ -419,7 +393,7 @@ impl Tracer<'_> {
         let half = Expr::Local(i) * 0.5;
         let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
         let (limit, channel) = (Expr::F32(FAR), Channel::Sky(i.into()));
-        each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), sharp: None, channel });
+        each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), channel });
         code.add(i, 1.0);
         let block = code.close();
         code.push_loop(block);
@@ -442,9 +416,6 @@ impl Tracer<'_> {
             let hit = Expr::Call(nearest.function, arguments).field(0);
             let blocked = code.bind("blocked", Ty::BOOL, hit.less(sample.limit.clone()));
             code.open();
-            if let (Some(visible), Some(number)) = (into.visible, sample.sharp) {
-                code.add(visible, 2f64.powi(number.min(20) as i32));
-            }
             self.gather_clear(code, p, sample, &parts, &most, into, (dw, lw));
             let clear = code.close();
             code.push_if(!blocked, clear);
@@ -540,7 +511,6 @@ impl Tracer<'_> {
             .then(|| code.var("error", Ty::F32, 0.0)),
             unsure: None,
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
-            visible: None,
         }
     }
 
@@ -553,21 +523,17 @@ impl Tracer<'_> {
             code.add(error, Expr::Local(alternating).abs() * 0.25);
         }
         let count = values.len() as u32;
-        let extra = [
-            gathered.error.map(|e| ("error", e)),
-            gathered.work.map(|w| ("work", w)),
-            gathered.visible.map(|v| ("visible", v)),
-        ];
+        let extra = [gathered.error.map(|e| ("error", e)), gathered.work.map(|w| ("work", w))];
         let many = count > 1 || extra.iter().any(Option::is_some);
         if !many {
             let result = Ty::float(lw);
             code.return_(values.into_iter().next().unwrap_or(Expr::F32(0.0)));
             let function = self.builder.add_function(code.finish(Some(result)));
-            return InScattered { function, result, many, error: None, work: None, visible: None, unsure };
+            return InScattered { function, result, many, error: None, work: None, unsure };
         }
         let mut fields: Vec<(String, Ty)> = (0..count).map(|i| (format!("light_{i}"), Ty::float(lw))).collect();
         let mut values = values;
-        let mut place = [None, None, None];
+        let mut place = [None, None];
         for (slot, extra) in place.iter_mut().zip(extra) {
             if let Some((name, var)) = extra {
                 *slot = Some(fields.len() as u32);
@@ -578,7 +544,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct(name, fields);
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        InScattered { function, result, many, error: place[0], work: place[1], visible: place[2], unsure }
+        InScattered { function, result, many, error: place[0], work: place[1], unsure }
     }
 
     /// Writes `in_scattered`, if some medium scatters light of some light.
@@ -593,9 +559,6 @@ impl Tracer<'_> {
         let mut gathered = self.declare_sums(&mut code, functions.len());
         if gathered.error.is_some() && (self.shadow.is_some() || self.cache.is_some()) {
             gathered.unsure = Some(code.parameter("unsure", Ty::F32));
-        }
-        if self.nearest.is_some() && !self.scene.lights.is_empty() && self.rule.accuracy().is_some() {
-            gathered.visible = Some(code.var("visible", Ty::F32, 0.0));
         }
         let means = self.scene.phases.iter().map(|f| f.mean_cosine);
         let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });
@@ -614,26 +577,6 @@ impl Tracer<'_> {
         }
         let values = gathered.sums.iter().map(|s| Expr::Local(*s)).collect();
         Some(self.return_sums(code, "InScattered", &gathered, values))
-    }
-
-    /// Writes `visible(p)`: which lights that shine from one place are not behind a surface, 2ⁱ for each.
-    pub(super) fn write_visible(&mut self) -> Option<FunctionId> {
-        let nearest = self.nearest?;
-        self.in_scattered.as_ref()?.visible?;
-        let mut code = Code::new("visible", None);
-        let p = code.parameter("p", Ty::VEC3);
-        let sum = code.var("visible", Ty::F32, 0.0);
-        // An environment and discs are cut off softly.
-        let receiver = Receiver::Sharp;
-        self.samples(&mut code, &p, &receiver, &mut |_, code, sample| {
-            let Some(number) = sample.sharp else { return };
-            let arguments = vec![p.clone(), sample.to.clone(), Expr::F32(0.0), sample.limit.clone()];
-            let hit = Expr::Call(nearest.function, arguments).field(0);
-            let clear = hit.greater_equal(sample.limit.clone());
-            code.add(sum, clear.select(2f64.powi(number.min(20) as i32), 0.0));
-        });
-        code.return_(sum.into());
-        Some(self.builder.add_function(code.finish(Some(Ty::F32))))
     }
 
     /// Writes `reflected(p, normal, sheet)`: albedo · E / π of the surface that was hit.

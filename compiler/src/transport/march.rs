@@ -5,7 +5,7 @@ use super::shapes::{FAR, Ray};
 use super::trace::{Medium, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
 use crate::ir::{LightKind, NodeId};
-use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
+use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};
 use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
@@ -15,6 +15,12 @@ pub(super) const OPAQUE: f64 = 104.0;
 pub(super) const PLACE: f64 = 1.0 / 4_194_304.0;
 /// Share of `accuracy` that step control spends; the rest is left for rounding and early exit.
 const SHARE: f64 = 0.5;
+/// Share of `accuracy` that steps with kinks and edges of shadows may spend beside, all together.
+const PURSE: f64 = 0.25;
+/// Of which one step may take this part of what is left.
+const BITE: f64 = 0.125;
+/// How far inside a step samples stay of its ends where fields jump: bisections end within a millionth of a step.
+const INSET: f64 = 4e-6;
 
 impl Tracer<'_> {
     /// Steps through a segment in which something varies.
@@ -178,10 +184,11 @@ impl Tracer<'_> {
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
         let h = code.var("h", Ty::F32, longest.clone());
-        let sharp = self.visible.filter(|_| matches!(self.walk, Walk::Eye));
-        let before = sharp.map(|f| code.var("visible_before", Ty::F32, Expr::Call(f, vec![ray.at(a.clone())])));
+        // What single steps may cost beyond their shares, where a kink or a shadow's edge lies in them.
+        let purse = code.var("purse", Ty::F32, (length.clone() / reach.clone()).min(1.0) * PURSE);
+        let nodes = self.declare_nodes(code, state, media);
         code.open();
-        self.leap(code, state, media, segment, (s, before), [length, &shortest, reach]);
+        self.leap(code, state, media, segment, (s, nodes.fresh), [length, &shortest, reach]);
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
         let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
@@ -196,59 +203,52 @@ impl Tracer<'_> {
         // The last step takes what is left, so that no sliver remains.
         let last = code.bind("last", Ty::BOOL, (reachable.clone() * 1.001).greater_equal(rest.clone()));
         let step = last.clone().select(rest, reachable);
+        // The places of samples are rounded.
+        let place = largest(ray.origin.clone().abs(), 3) + from.clone().abs();
+        let place = code.bind("rounded_by", Ty::F32, place * PLACE);
         let (step, last, crosses) = match &sides {
             Some(sides) => {
                 let step = code.bind("whole_stride", Ty::F32, step);
                 let cut = code.var("stride", Ty::F32, step.clone());
                 let crosses = self.cut_at_jump(code, ray, sides, &from, cut);
                 // No shorter than places are rounded, on which side they are.
-                let place = largest(ray.origin.clone().abs(), 3) + from.clone().abs();
-                let least = shortest.clone().max(place * PLACE).min(step.clone());
+                let least = shortest.clone().max(place.clone()).min(step.clone());
                 let step = code.bind("step", Ty::F32, Expr::Local(cut).max(least));
                 let last = code.bind("last", Ty::BOOL, last.and(!crosses.clone()));
                 (step, last, Some(crosses))
             }
             None => (code.bind("step", Ty::F32, step), last, None),
         };
-        let whole = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.5, "mid");
-        let first = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.25, "first");
-        let second = self.sample(code, ray, state, media, from.clone() + step.clone() * 0.75, "second");
-        let after = sharp.map(|f| {
-            let end = ray.at(from.clone() + step.clone());
-            code.bind("visible_after", Ty::F32, Expr::Call(f, vec![end]))
+        // A step that may begin or end at a jump is looked at from within.
+        let inset = (!jumps.is_empty() || sides.is_some()).then(|| {
+            let inset = (place.clone() * 2.0 + step.clone() * INSET).min(step.clone() * 0.125);
+            code.bind("inset", Ty::F32, inset)
         });
-        if let Some(work) = state.work {
-            code.add(work, 3u32);
-        }
+        self.look(code, state, media, ray, &nodes, &from, (&step, inset.as_ref()));
         let half = code.bind("half", Ty::F32, step.clone() * 0.5);
-        let (x_whole, light_whole) = self.step(code, &whole, &step, "_mid");
-        let (x_first, light_first) = self.step(code, &first, &half, "_first");
-        let (x_second, light_second) = self.step(code, &second, &half, "_second");
-        let x = match (&x_first, &x_second) {
-            (Some(a), Some(b)) => {
-                let halves = a.clone() + b.clone();
-                // A column alone is extrapolated (Richardson): the leading errors of both estimates cancel.
-                let sum = match (&self.walk, &x_whole) {
-                    (Walk::Shadow { .. }, Some(whole)) => {
-                        let better = halves.clone() + (halves - whole.clone()) * Expr::F32(1.0 / 3.0).splat(dw);
-                        better.max(Expr::F32(0.0).splat(dw))
-                    }
-                    (Walk::Eye | Walk::Shadow { .. } | Walk::Path(_) | Walk::Ratio(_), _) => halves,
-                };
-                Some(code.bind("x", Ty::float(dw), sum))
-            }
-            _ => None,
-        };
+        let (x_whole, light_whole) = self.step(code, &nodes.whole(), &step, "_whole");
+        let (x_first, light_first) = self.step(code, &nodes.first(), &half, "_first");
+        let (x_second, light_second) = self.step(code, &nodes.second(), &half, "_second");
+        let x = x_first.clone().zip(x_second).map(|(a, b)| code.bind("x", Ty::float(dw), a + b));
         let front = state.depth.map(|d| code.bind("front", Ty::float(dw), (-Expr::Local(d)).exp()));
-        // The places of samples are rounded. By what values differ between them they would differ for that: no shorter step helps.
-        let place = largest(ray.origin.clone().abs(), 3) + from.clone().abs();
-        let blur = code.bind("blur", Ty::F32, (place * PLACE / half.clone().max(1e-37)).min(1.0));
+        // By what values differ between samples they would differ for the rounding of places: no shorter step helps.
+        let blur = code.bind("blur", Ty::F32, place.min(half.clone()));
+        let thinner = x.clone().zip(x_whole.clone()).map(|(a, b)| a.min(b));
+        let thinner = thinner.map(|x| code.bind("thinner", Ty::float(dw), x));
+        // Excess over a share of what is allowed, and the same as a part of all that is.
         let mut wrong: Vec<Expr> = vec![];
+        let mut cost: Vec<Expr> = vec![];
+        // What must hold whatever is in the purse.
+        let mut strict: Vec<Expr> = vec![];
         // What is added to the error if the step is taken.
         let mut pending: Vec<(LocalId, Expr)> = vec![];
         let mut light_gain = None;
         if let (Some(whole), Some(first), Some(second)) = (light_whole, light_first, light_second) {
-            let noise = (second.clone() - first.clone()).abs() * blur.clone().splat(lw);
+            let noise = widen(nodes.source_swing() * blur.clone().splat(self.source_width()), self.source_width(), lw);
+            let noise = match &thinner {
+                Some(x) => noise * widen(self.attenuated(code, x.clone(), dw), dw, lw),
+                None => noise,
+            };
             let behind = match &x_first {
                 Some(x) => widen((-x.clone()).exp(), dw, lw) * second,
                 None => second,
@@ -262,43 +262,45 @@ impl Tracer<'_> {
             // Light this step may be wrong by: its share of A·max(W, L), or A of what it adds itself.
             let radiance = state.radiance.expect("there is light to add");
             let so_far = largest(Expr::Local(radiance) + gain.clone(), lw);
-            let share = white.clone().max(so_far) * (step.clone() / reach.clone());
+            let bright = code.bind("bright", Ty::F32, white.clone().max(so_far));
+            let share = bright.clone() * (step.clone() / reach.clone());
             let allowed = accuracy.clone() * SHARE * share.max(least(gain, lw));
-            wrong.push((off.clone() - noise) / allowed.max(1e-37));
+            let clear = code.bind("clear_error", Ty::F32, off.clone() - noise);
+            wrong.push(clear.clone() / allowed.max(1e-37));
+            cost.push(clear / (accuracy.clone() * bright).max(1e-37));
             if let Some(error) = state.error {
                 pending.push((error, off));
             }
         }
-        let thinner = x.clone().zip(x_whole.clone()).map(|(a, b)| a.min(b));
-        if let (Some(x), Some(whole), Some(front)) = (&x, x_whole, &front) {
-            let noise = x_first.zip(x_second).map(|(a, b)| (b - a).abs() * blur.clone().splat(dw));
-            let noise = noise.expect("halves make the whole");
-            let off = (x.clone() - whole.clone()).abs();
+        if let (Some(x), Some(whole), Some(thinner), Some(front)) = (&x, x_whole, &thinner, &front) {
+            let noise = nodes.extinction_swing() * blur.splat(dw);
+            let off = (x.clone() - whole).abs();
             let off = match self.walk {
-                // What is left after extrapolation is less than a quarter of the difference on anything smooth.
+                // The halves are wrong by less than a quarter of the difference on anything smooth.
                 Walk::Shadow { .. } => off * Expr::F32(0.25).splat(dw),
                 Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => off,
             };
             let off = code.bind("depth_off", Ty::float(dw), off);
             // Through the thinner of the two estimates, what lies behind is seen.
-            let through = front.clone() * (-x.clone().min(whole)).exp();
+            let through = front.clone() * (-thinner.clone()).exp();
             let seen = through.clone() * off.clone().min(Expr::F32(1.0).splat(dw));
             let seen = code.bind("seen_error", Ty::F32, largest(seen, dw));
-            let allowed = accuracy.clone() * SHARE * (step.clone() / reach.clone());
             let allowed = match &self.walk {
-                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => allowed,
+                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => accuracy.clone(),
                 // Half goes to the shadows, relative to the light that comes through, or to white.
-                Walk::Shadow { dim } => allowed * 0.5 * dim.clone().max(largest(through.clone(), dw)),
+                Walk::Shadow { dim } => accuracy.clone() * 0.5 * dim.clone().max(largest(through.clone(), dw)),
             };
             let clear = (off.clone() - noise).max(Expr::F32(0.0).splat(dw));
             let clear = code.bind("clear_off", Ty::float(dw), clear);
             let felt = largest(through * clear.clone().min(Expr::F32(1.0).splat(dw)), dw);
-            wrong.push(felt / allowed.max(1e-37));
+            let felt = code.bind("felt", Ty::F32, felt / allowed.max(1e-37));
+            wrong.push(felt.clone() / (step.clone() / reach.clone() * SHARE).max(1e-37));
+            cost.push(felt);
             if self.wants(OutputKind::OpticalDepth) {
                 let depth = state.depth.expect("there is depth to add");
                 let share = x.clone().max(Expr::Local(depth) * (step.clone() / reach.clone()).splat(dw));
                 let relative = clear / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
-                wrong.push(largest(relative, dw));
+                strict.push(largest(relative, dw));
             }
             if let (Some(error), Walk::Shadow { .. }) = (state.error, &self.walk) {
                 pending.push((error, largest(off, dw)));
@@ -310,7 +312,7 @@ impl Tracer<'_> {
                 pending.push((error, seen * behind));
             }
         }
-        if let (Some(error), Some(first), Some(second)) = (state.error, first.source_error, second.source_error) {
+        if let (Some(error), Some(off)) = (state.error, nodes.source_error()) {
             let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
             // What is deep in a step cannot be seen.
             let seen = match &thinner {
@@ -320,27 +322,14 @@ impl Tracer<'_> {
                 }
                 None => seen,
             };
-            pending.push((error, seen * (first + second) * half.clone()));
-        }
-        if let (Some(before), Some(after), Some(first), Some(second)) =
-            (before, &after, &first.visible, &second.visible)
-        {
-            // The edge of a shadow before the first sample or after the last is not felt by the difference of the two estimates:
-            // such a step must be short in itself.
-            let differs = |a: Expr, b: Expr| {
-                let known = a.clone().greater_equal(0.0).and(b.clone().greater_equal(0.0));
-                known.and(Expr::binary(BinaryOp::NotEqual, a, b))
-            };
-            let cut = differs(before.into(), first.clone()).or(differs(second.clone(), after.clone()));
-            let much = step.clone() / (length.clone() * (accuracy.clone() * (0.5 * SHARE))).max(1e-37);
-            wrong.push(cut.select(much.clone() * much, 0.0));
+            pending.push((error, seen * off * step.clone()));
         }
         // Something is in this brick, and no sample has met it: it may lie between them.
         let seen = [x.clone().map(|x| largest(x, dw)), light_gain.clone().map(|l| largest(l, lw))];
         let seen = seen.into_iter().flatten().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
         if let Some(gap) = gap {
             let much = code.bind("gaps", Ty::F32, step.clone() / gap);
-            wrong.push(seen.clone().equal(0.0).select(much.clone() * much, 0.0));
+            strict.push(seen.clone().equal(0.0).select(much.clone() * much, 0.0));
         }
         if matches!(self.walk, Walk::Eye) && media.iter().any(|m| m.matter.bounds.is_some()) {
             let hidden = code.var("hidden", Ty::F32, 0.0);
@@ -354,21 +343,29 @@ impl Tracer<'_> {
             let block = code.close();
             if longest.is_some() {
                 code.push_if(seen.equal(0.0), block);
-                wrong.push(hidden.into());
+                strict.push(hidden.into());
             }
         }
-        let wrong = wrong.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
-        let wrong = code.bind("excess", Ty::F32, wrong);
+        let worst = |all: Vec<Expr>| all.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
+        let strict = code.bind("strict", Ty::F32, worst(strict));
+        let wrong = code.bind("excess", Ty::F32, worst(wrong).max(strict.clone()));
+        let cost = code.bind("cost", Ty::F32, worst(cost));
         let spent = match state.work {
             Some(work) => Expr::Local(work).greater_equal(cap),
             None => Expr::Bool(false),
         };
         let spent = code.bind("spent", Ty::BOOL, spent);
-        // Both errors fall as h³ and their shares as h: the step that would just do is h/√excess.
-        let factor = Expr::F32(0.9) / wrong.clone().max(1e-6).sqrt();
+        let within = code.bind("within_share", Ty::BOOL, wrong.clone().less_equal(1.0));
+        let bought = cost.clone().less_equal(Expr::Local(purse) * BITE).and(strict.less_equal(1.0));
+        let bought = code.bind("bought", Ty::BOOL, bought.and(!within.clone()));
+        // Errors fall as the third to the fifth power of a step and their shares as the first; where a kink is bought, steps
+        // behind it are what they were before.
+        let factor = Expr::F32(0.9) / Expr::math(Math::Pow, [wrong.max(1e-6), (1.0 / 3.0).into()]);
         let factor = Expr::math(Math::Clamp, [factor, Expr::F32(0.2), Expr::F32(3.0)]);
-        let wanted = code.bind("wanted", Ty::F32, step.clone() * factor);
-        let accept = wrong.less_equal(1.0).or(step.clone().less_equal(shortest.clone())).or(spent.clone());
+        let wanted = bought.clone().select(Expr::F32(1.0), factor) * step.clone();
+        let wanted = code.bind("wanted", Ty::F32, wanted);
+        let short = step.clone().less_equal(shortest.clone());
+        let accept = within.or(bought.clone()).or(short).or(spent.clone());
         let accept = code.bind("accept", Ty::BOOL, accept);
         code.open();
         if let (Some(radiance), Some(gain)) = (state.radiance, light_gain) {
@@ -392,16 +389,21 @@ impl Tracer<'_> {
             let missed = code.close();
             code.push_if(spent.clone(), missed);
         }
+        code.add(purse, bought.select(-cost, 0.0));
         code.add(s, step);
-        if let (Some(before), Some(after)) = (before, after) {
-            code.set(before, after);
-        }
         code.break_if(last);
         self.early_exit(code, state);
         let taken = code.close();
         code.push_if(accept.clone(), taken);
         // A step cut short by a jump says nothing against the length it would have had.
         let cut = ahead.map(|jump| jump.less(h)).into_iter().chain(crosses).reduce(Expr::or);
+        let cut = cut.map(|cut| code.bind("cut", Ty::BOOL, cut));
+        // What the last sample found is what the first of the next step would, but beyond a jump.
+        let same = match &cut {
+            Some(cut) => accept.clone().and(!cut.clone()),
+            None => accept.clone(),
+        };
+        self.carry(code, &nodes, &accept, &same);
         let wanted = match cut {
             Some(cut) => accept.and(cut).select(wanted.clone().max(h), wanted),
             None => wanted,
@@ -420,7 +422,7 @@ impl Tracer<'_> {
         state: &State,
         media: &[Medium<'_>],
         segment: &Segment,
-        (s, before): (LocalId, Option<LocalId>),
+        (s, fresh): (LocalId, LocalId),
         [length, shortest, reach]: [&Expr; 3],
     ) {
         if self.leaps(media) {
@@ -442,9 +444,7 @@ impl Tracer<'_> {
                 };
                 code.add(error, left);
             }
-            if let Some(before) = before {
-                code.set(before, -1.0);
-            }
+            code.set(fresh, true);
             let over = code.close();
             code.open();
             code.push_loop(over);

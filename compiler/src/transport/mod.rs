@@ -13,6 +13,7 @@ mod endless;
 pub(crate) mod layers;
 mod light;
 mod march;
+mod nodes;
 mod matter;
 mod paths;
 mod project;

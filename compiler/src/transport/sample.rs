@@ -15,8 +15,6 @@ pub(super) struct Sampled {
     pub(super) source: Option<Expr>,
     /// What the latter may be wrong by, the largest over the bands.
     pub(super) source_error: Option<Expr>,
-    /// Which lights are not behind a surface; −1 where none was asked.
-    pub(super) visible: Option<Expr>,
 }
 
 /// Sums over the media that are here.
@@ -66,12 +64,12 @@ impl Tracer<'_> {
             let part = self.sample_one(code, ray, state, &media[0], &p, &t);
             let extinction = part.extinction.map(|e| code.bind(&format!("k_t_{tag}"), Ty::float(dw), e));
             let source = part.emission.map(|e| code.bind(&format!("k_e_{tag}"), Ty::float(lw), e));
-            return Sampled { extinction, source, source_error: None, visible: None };
+            return Sampled { extinction, source, source_error: None };
         }
         let sums = self.media_sums(code, ray, state, media, &t, tag, lights.is_some());
-        let (mut source_error, mut visible) = (None, None);
+        let mut source_error = None;
         if let (Some(lights), Some(source)) = (lights, sums.source) {
-            (source_error, visible) = self.add_scattered(code, ray, state, &lights, (&sums, source), &p, tag);
+            source_error = self.add_scattered(code, ray, state, &lights, (&sums, source), &p, tag);
         }
         let bind = |code: &mut Code, var: Option<LocalId>, name: &str, width: u8| {
             var.map(|v| code.bind(&format!("{name}_{tag}"), Ty::float(width), v))
@@ -80,7 +78,6 @@ impl Tracer<'_> {
             extinction: bind(code, sums.extinction, "k_t", dw),
             source: bind(code, sums.source, "source", lw),
             source_error: source_error.map(Expr::Local),
-            visible: visible.map(Expr::Local),
         }
     }
 
@@ -136,7 +133,7 @@ impl Tracer<'_> {
         (sums, source): (&Sums, LocalId),
         p: &Expr,
         tag: &str,
-    ) -> (Option<LocalId>, Option<LocalId>) {
+    ) -> Option<LocalId> {
         let (dw, lw) = (self.scene.depth_width, self.source_width());
         let scattering = &sums.scattering;
         let most = scattering.iter().map(|k| largest(Expr::Local(*k), lw)).reduce(Expr::max);
@@ -144,7 +141,6 @@ impl Tracer<'_> {
         let most = code.bind("k_s_most", Ty::F32, most);
         let error = lights.error.filter(|_| state.error.is_some());
         let error_var = error.map(|_| code.var(&format!("source_error_{tag}"), Ty::F32, 0.0));
-        let visible = lights.visible.map(|field| (field, code.var(&format!("visible_{tag}"), Ty::F32, -1.0)));
         code.open();
         let mut arguments = vec![p.clone(), ray.direction.clone()];
         if lights.unsure {
@@ -160,9 +156,6 @@ impl Tracer<'_> {
         if let (Some(error), Some(var)) = (error, error_var) {
             code.set(var, most.clone() * gathered.clone().field(error));
         }
-        if let Some((field, var)) = visible {
-            code.set(var, gathered.clone().field(field));
-        }
         if let (Some(work), Some(looks)) = (state.work, self.looks()) {
             code.add(work, looks);
         }
@@ -171,7 +164,7 @@ impl Tracer<'_> {
         }
         let body = code.close();
         code.push_if(most.greater(0.0), body);
-        (error_var, visible.map(|v| v.1))
+        error_var
     }
 
     /// Components of what sends light from within the media.

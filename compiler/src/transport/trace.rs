@@ -122,8 +122,6 @@ pub(crate) struct Tracer<'a> {
     pub(super) nearest: Option<Nearest>,
     pub(super) shadow: Option<Shadow>,
     pub(super) in_scattered: Option<InScattered>,
-    /// Which lights are seen from a point, where surfaces cast shadows.
-    pub(super) visible: Option<FunctionId>,
     /// Columns of light that are kept.
     pub(super) cache: Option<super::cache::Cache>,
     /// Which media a shadow is of; `None` is all.
@@ -207,7 +205,6 @@ impl<'a> Tracer<'a> {
             nearest: None,
             shadow: None,
             in_scattered: None,
-            visible: None,
             cache: None,
             only: None,
             random: None,
@@ -276,7 +273,6 @@ impl Tracer<'_> {
             self.shadow = self.write_shadow(sdfs);
         }
         self.in_scattered = self.write_in_scattered(ledger);
-        self.visible = self.write_visible();
         fill
     }
 

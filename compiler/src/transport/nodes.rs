@@ -1,0 +1,194 @@
+//! Five samples across a step, and what Simpson's rule makes of them: once over the step, and once over each half of it. The
+//! two differ wherever the samples show anything but a cubic; the last sample is the first of the next step.
+
+use super::sample::Sampled;
+use super::shapes::Ray;
+use super::trace::{Medium, State, Tracer};
+use crate::fields::Code;
+use crate::program::kernel::{Expr, LocalId, Ty};
+
+/// Samples on a step.
+const NODES: u32 = 5;
+
+/// A quantity that is sampled across a step.
+struct Followed {
+    width: u8,
+    /// Means over the step, and over its halves.
+    whole: LocalId,
+    first: LocalId,
+    second: LocalId,
+    /// By how much samples differ from those before them, in all.
+    swing: LocalId,
+    latest: LocalId,
+    /// At the beginning of the step.
+    start: LocalId,
+}
+
+/// What the samples of a step found.
+pub(super) struct Nodes {
+    /// Whether the beginning of the step has not been sampled yet.
+    pub(super) fresh: LocalId,
+    extinction: Option<Followed>,
+    source: Option<Followed>,
+    error: Option<Followed>,
+}
+
+impl Followed {
+    fn declare(code: &mut Code, name: &str, width: u8) -> Self {
+        let ty = Ty::float(width);
+        let mut var = |what: &str| code.var(&format!("{name}_{what}"), ty, Expr::F32(0.0).splat(width));
+        let (whole, first, second) = (var("whole"), var("first"), var("second"));
+        Self { width, whole, first, second, swing: var("swing"), latest: var("latest"), start: var("start") }
+    }
+
+    fn splat(&self, value: Expr) -> Expr {
+        value.splat(self.width)
+    }
+
+    /// Begins a step, with its first sample if that is known.
+    fn begin(&self, code: &mut Code, fresh: &Expr) {
+        let known = fresh.clone().select(0.0, 1.0 / 6.0);
+        let known = self.splat(known) * Expr::Local(self.start);
+        code.set(self.whole, known.clone());
+        code.set(self.first, known);
+        code.set(self.second, self.splat(Expr::F32(0.0)));
+        code.set(self.swing, self.splat(Expr::F32(0.0)));
+        code.set(self.latest, self.start);
+    }
+
+    fn add(&self, code: &mut Code, value: Expr, weights: &Weights) {
+        for (sum, weight) in
+            [(self.whole, &weights.whole), (self.first, &weights.first), (self.second, &weights.second)]
+        {
+            code.add(sum, value.clone() * self.splat(weight.clone()));
+        }
+        let change = (value.clone() - Expr::Local(self.latest)).abs();
+        code.add(self.swing, change * self.splat(weights.later.clone()));
+        code.set(self.latest, value.clone());
+        let start = weights.later.clone().greater(0.0).select(self.start, value);
+        code.set(self.start, start);
+    }
+}
+
+/// Weights of a sample in the means, and 1 but for the first.
+struct Weights {
+    whole: Expr,
+    first: Expr,
+    second: Expr,
+    later: Expr,
+}
+
+impl Nodes {
+    fn of(&self, mean: impl Fn(&Followed) -> LocalId) -> Sampled {
+        let value = |f: &Option<Followed>| f.as_ref().map(|f| mean(f).into());
+        Sampled { extinction: value(&self.extinction), source: value(&self.source), source_error: value(&self.error) }
+    }
+
+    /// Means over the step.
+    pub(super) fn whole(&self) -> Sampled {
+        self.of(|f| f.whole)
+    }
+
+    /// Means over its first half.
+    pub(super) fn first(&self) -> Sampled {
+        self.of(|f| f.first)
+    }
+
+    /// Means over its second half.
+    pub(super) fn second(&self) -> Sampled {
+        self.of(|f| f.second)
+    }
+
+    /// By how much extinction changes across the step, back and forth.
+    pub(super) fn extinction_swing(&self) -> Expr {
+        self.extinction.as_ref().map_or(Expr::F32(0.0), |f| f.swing.into())
+    }
+
+    /// By how much the source changes across the step, back and forth.
+    pub(super) fn source_swing(&self) -> Expr {
+        self.source.as_ref().map_or(Expr::F32(0.0), |f| f.swing.into())
+    }
+
+    /// The mean of what the source may be wrong by, if that is known.
+    pub(super) fn source_error(&self) -> Option<Expr> {
+        self.error.as_ref().map(|f| (Expr::Local(f.first) + Expr::Local(f.second)) * 0.5)
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Followed> {
+        [&self.extinction, &self.source, &self.error].into_iter().flatten()
+    }
+}
+
+impl Tracer<'_> {
+    /// What samples will find, before the first of them.
+    pub(super) fn declare_nodes(&self, code: &mut Code, state: &State, media: &[Medium<'_>]) -> Nodes {
+        let lit = self.in_scattered.as_ref().filter(|_| state.radiance.is_some());
+        let attenuates = media.iter().any(|m| m.matter.extinction.is_some());
+        let glows = lit.is_some() || media.iter().any(|m| m.matter.emission.is_some());
+        let told = lit.is_some_and(|l| l.error.is_some()) && state.error.is_some();
+        Nodes {
+            fresh: code.var("fresh", Ty::BOOL, true),
+            extinction: attenuates.then(|| Followed::declare(code, "k_t", self.scene.depth_width)),
+            source: (glows && state.radiance.is_some()).then(|| Followed::declare(code, "source", self.source_width())),
+            error: told.then(|| Followed::declare(code, "source_error", 1)),
+        }
+    }
+
+    /// Samples a step. One loop, so that a shader holds the fields once.
+    pub(super) fn look(
+        &mut self,
+        code: &mut Code,
+        state: &State,
+        media: &[Medium<'_>],
+        ray: &Ray,
+        nodes: &Nodes,
+        from: &Expr,
+        (step, inset): (&Expr, Option<&Expr>),
+    ) {
+        let fresh = Expr::Local(nodes.fresh);
+        for followed in nodes.all() {
+            followed.begin(code, &fresh);
+        }
+        if let Some(work) = state.work {
+            code.add(work, fresh.clone().select(NODES, NODES - 1));
+        }
+        let node = code.var("node", Ty::F32, fresh.select(0.0, 1.0));
+        code.open();
+        code.break_if(Expr::Local(node).greater_equal(f64::from(NODES)));
+        let quarter = Expr::F32(0.25) * Expr::Local(node);
+        let t = match inset {
+            Some(inset) => from.clone() + inset.clone() + (step.clone() - inset.clone() * 2.0) * quarter,
+            None => from.clone() + step.clone() * quarter,
+        };
+        let sampled = self.sample(code, ray, state, media, t, "node");
+        let odd = Expr::Local(node).equal(1.0).or(Expr::Local(node).equal(3.0));
+        let odd = code.bind("odd", Ty::BOOL, odd);
+        let simpson = code.bind("simpson", Ty::F32, odd.clone().select(2.0 / 3.0, 1.0 / 6.0));
+        let middle = Expr::Local(node).equal(2.0).select(2.0 / 3.0, 1.0 / 6.0);
+        let mut bind = |name: &str, value: Expr| code.bind(name, Ty::F32, value);
+        let weights = Weights {
+            whole: bind("weight_whole", odd.select(0.0, middle)),
+            first: bind("weight_first", Expr::Local(node).less_equal(2.0).select(simpson.clone(), 0.0)),
+            second: bind("weight_second", Expr::Local(node).greater_equal(2.0).select(simpson, 0.0)),
+            later: bind("later", Expr::Local(node).greater(0.0).select(1.0, 0.0)),
+        };
+        let found = [&sampled.extinction, &sampled.source, &sampled.source_error];
+        for (followed, value) in [&nodes.extinction, &nodes.source, &nodes.error].into_iter().zip(found) {
+            debug_assert_eq!(followed.is_some(), value.is_some(), "what samples find is known before");
+            if let (Some(followed), Some(value)) = (followed, value) {
+                followed.add(code, value.clone(), &weights);
+            }
+        }
+        code.add(node, 1.0);
+        let block = code.close();
+        code.push_loop(block);
+    }
+
+    /// After a step: `taken`, the next begins where it ended, and what was found there holds unless something jumps.
+    pub(super) fn carry(&self, code: &mut Code, nodes: &Nodes, taken: &Expr, holds: &Expr) {
+        for followed in nodes.all() {
+            code.set(followed.start, taken.clone().select(followed.latest, followed.start));
+        }
+        code.set(nodes.fresh, taken.clone().and(!holds.clone()));
+    }
+}
