@@ -30,6 +30,10 @@ fn grid_slope(graph: &Graph, grid: GridId, values: Interval, known: &[f64]) -> f
     }
 }
 
+/// What is finer, in units of the scene, is no place that f32 could tell from the next; and of an argument whose slope has no end
+/// but that of numbers (`p.x * p.y` of a place anywhere) nothing is known.
+const UNRESOLVED: f64 = 1e-9;
+
 /// The smallest cell of anything piecewise that the roots contain; for several sets of roots see [`Features::length`].
 #[must_use]
 pub fn feature_length(graph: &Graph, roots: &[NodeId]) -> Option<f64> {
@@ -73,7 +77,7 @@ impl<'g> Features<'g> {
         let live = graph.reachable(roots);
         let mut least = f64::INFINITY;
         let mut cells = |steep: f64, width: f64| {
-            if steep > 0.0 && steep.is_finite() && width > 0.0 {
+            if steep > 0.0 && steep.is_finite() && width / steep > UNRESOLVED {
                 least = least.min(width / steep);
             }
         };

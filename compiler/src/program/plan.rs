@@ -277,7 +277,8 @@ pub enum Binding {
     Cache,
     /// Bounds of a medium on a lattice of bricks, by number in [`Plan::bounds`]: array of f32, four for each brick, x fastest.
     /// The largest extinction in it; the largest of emission and scattering in it; how many bricks on every side, its own
-    /// included, are empty (0: it is not); how many likewise hold nothing narrow, or the longest step in it, negative.
+    /// included, are empty (0: it is not); how many likewise hold nothing narrow, or how fast the
+    /// arguments change at most, per unit of length, on which something narrow in it depends, negative.
     /// They hold a thousandth of a brick around it too.
     Bounds(u32),
     /// Rays of the list.

@@ -7,7 +7,7 @@ use super::shapes::{FAR, Ray, Region};
 use super::trace::{Medium, Tracer};
 use crate::analysis::feature::feature_length;
 use crate::analysis::narrow::narrow;
-use crate::fields::Code;
+use crate::fields::{Code, field_function};
 use crate::ir::{Composite, FieldScene, Graph, NodeId, Op, Primitive, PrimitiveKind, Tier};
 use crate::passes;
 use crate::program::kernel::{Expr, FunctionId, Math, Prim, Ty};
@@ -89,6 +89,10 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
     }
 }
 
+/// Share of the way across a brick than which no step need be shorter.
+const CRUMB: f64 = 2e-5;
+/// What f32 may make of an argument, relative: a handful of operations.
+const ROUNDED: f64 = 2e-6;
 /// Steps across an occupied brick in which nothing is seen.
 const UNSEEN: f64 = 6.0;
 /// The least third power of how much shorter steps become where something may hide.
@@ -104,8 +108,12 @@ pub(super) struct Brick {
     pub(super) exit: Expr,
     /// Way to the end of the empty bricks around; 0 where this one is not empty.
     pub(super) clear: Expr,
-    /// Longest step from here.
-    pub(super) longest: Expr,
+    /// Way on which nothing narrow is that is not in this brick.
+    pub(super) quiet: Expr,
+    /// How fast the arguments change at most that something narrow in this brick depends on; 0 where there is none.
+    pub(super) steep: Expr,
+    /// Steps need be no shorter than this.
+    pub(super) crumb: Expr,
 }
 
 impl Tracer<'_> {
@@ -119,7 +127,9 @@ impl Tracer<'_> {
         let [low, per_unit, counts] = self.builder.lattice(number, &name);
         let result = self.builder.add_struct(
             &format!("{}_brick", matter.name),
-            ["extinction", "source", "exit", "clear", "longest"].map(|n| (n.to_owned(), Ty::F32)).into(),
+            ["extinction", "source", "exit", "clear", "quiet", "steep", "crumb"]
+                .map(|n| (n.to_owned(), Ty::F32))
+                .into(),
         );
         let mut code = Code::new(&name, matter.span);
         let p = code.parameter("p", Ty::VEC3);
@@ -156,14 +166,15 @@ impl Tracer<'_> {
         };
         // A little further, so that the next brick is entered whatever rounds: bounds hold that much around their bricks.
         let nudge = speed.clone().component(0).max(speed.clone().component(1)).max(speed.clone().component(2));
-        let nudge = code.bind("nudge", Ty::F32, Expr::F32(1e-3) / nudge);
+        let across = code.bind("across", Ty::F32, Expr::F32(1.0) / nudge);
+        let nudge = code.bind("nudge", Ty::F32, across.clone() * 1e-3);
         let exit = out_of(&mut code, "exit", Expr::F32(1.0)) + nudge.clone();
         let around = out_of(&mut code, "around", empty.clone().max(1.0)) + nudge.clone();
         let clear = empty.greater(0.0).select(around, 0.0);
         let quiet = out_of(&mut code, "quiet", calm.clone().max(1.0)) + nudge;
-        // A negative number is the longest step within this brick.
-        let longest = calm.clone().greater(0.0).select(quiet.clone(), quiet.min(-calm));
-        code.return_(Expr::Compose(result, vec![extinction, source, exit, clear, longest]));
+        let steep = (-calm).max(0.0);
+        let crumb = across * CRUMB;
+        code.return_(Expr::Compose(result, vec![extinction, source, exit, clear, quiet, steep, crumb]));
         let function = self.builder.add_function(code.finish(Some(result)));
         self.bricks.push((number, function));
         function
@@ -177,7 +188,15 @@ impl Tracer<'_> {
         let value = Expr::Call(function, vec![p.clone(), d.clone()]);
         let value = code.bind(&format!("brick_of_{}", medium.matter.name), result, value);
         let field = |i: u32| value.clone().field(i);
-        Some(Brick { extinction: field(0), source: field(1), exit: field(2), clear: field(3), longest: field(4) })
+        Some(Brick {
+            extinction: field(0),
+            source: field(1),
+            exit: field(2),
+            clear: field(3),
+            quiet: field(4),
+            steep: field(5),
+            crumb: field(6),
+        })
     }
 
     /// Whether some of these media have bounds, and nothing else is always there beside them.
@@ -204,13 +223,60 @@ impl Tracer<'_> {
         })
     }
 
-    /// Longest step from a place on a ray that misses nothing narrow.
+    /// Longest step from a place on a ray that misses nothing narrow. As in sphere tracing, no band of an argument's values is
+    /// met before the argument can have come there, and none is crossed in less than it takes the argument to cross it.
     pub(super) fn longest_here(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Expr {
         let p = code.bind("p_narrow", Ty::VEC3, ray.at(t.clone()));
         self.least_of(code, media, "longest_here", &mut |this, code, medium| {
-            let watched = medium.matter.bounds.filter(|b| !this.scene.bounds[*b as usize].narrow.is_empty());
-            watched.and_then(|_| this.brick(code, medium, &p, &ray.direction)).map(|b| b.longest)
+            let number = medium.matter.bounds.filter(|b| !this.scene.bounds[*b as usize].narrow.is_empty())?;
+            let brick = this.brick(code, medium, &p, &ray.direction)?;
+            let longest = code.var("narrow_step", Ty::F32, brick.quiet);
+            code.open();
+            let change = this.free_change(code, ray, medium, number, t);
+            let step = (change / brick.steep.clone()).max(brick.crumb);
+            code.set(longest, Expr::Local(longest).min(step));
+            let block = code.close();
+            code.push_if(brick.steep.greater(0.0), block);
+            Some(longest.into())
         })
+    }
+
+    /// How far the arguments may change from what they are at t before one has met, or crossed, a band of narrow values.
+    fn free_change(&mut self, code: &mut Code, ray: &Ray, medium: &Medium<'_>, number: u32, t: &Expr) -> Expr {
+        let scene: &Scene = self.scene;
+        let all = &scene.bounds[number as usize].narrow;
+        let function = match self.narrows.iter().find(|n| n.0 == number) {
+            Some((_, function)) => function.clone(),
+            None => {
+                let name = |i: usize| format!("argument_{i}");
+                let roots: Vec<(String, NodeId)> = all.iter().enumerate().map(|(i, n)| (name(i), n.argument)).collect();
+                let roots: Vec<(&str, NodeId)> = roots.iter().map(|(name, node)| (name.as_str(), *node)).collect();
+                let name = format!("{}_narrow", medium.matter.name);
+                let function =
+                    field_function(self.graph, &scene.tiers, self.builder, &name, medium.matter.span, &roots);
+                self.narrows.push((number, function.clone()));
+                function
+            }
+        };
+        let values = self.call_field(code, ray, &function, t, "narrow_arguments");
+        let mut nearest: Option<Expr> = None;
+        for (i, narrow) in all.iter().enumerate() {
+            let argument = code.bind("argument", Ty::F32, function.part(&values, i));
+            for (from, to) in &narrow.bands {
+                if !(*from as f32).is_finite() || !(*to as f32).is_finite() {
+                    return Expr::F32(0.0);
+                }
+                let away = (Expr::F32(*from) - argument.clone()).max(argument.clone() - *to);
+                // The argument is rounded.
+                let rounded = (argument.clone().abs() + from.abs().max(to.abs())) * ROUNDED;
+                let change = (away - rounded).max(to - from);
+                nearest = Some(match nearest {
+                    Some(least) => least.min(change),
+                    None => change,
+                });
+            }
+        }
+        code.bind("free_change", Ty::F32, nearest.unwrap_or(Expr::F32(FAR)))
     }
 
     /// The longest step on which it is believed that nothing is in an occupied brick, if that needs care: of fields with cells

@@ -47,13 +47,38 @@ impl Tracer<'_> {
 
     /// The arguments at a distance along the ray.
     fn sides_at(&mut self, code: &mut Code, ray: &Ray, sides: &Sides, t: Expr, name: &str) -> Expr {
+        self.call(code, ray, &sides.function, &sides.hoisted, t, name)
+    }
+
+    /// A function of fields at a distance along the ray.
+    pub(super) fn call_field(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        function: &FieldFunction,
+        t: &Expr,
+        name: &str,
+    ) -> Expr {
+        let hoisted = self.along_ray(code, &-ray.direction.clone(), &function.hoisted);
+        self.call(code, ray, function, &hoisted, t.clone(), name)
+    }
+
+    fn call(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        function: &FieldFunction,
+        hoisted: &[Expr],
+        t: Expr,
+        name: &str,
+    ) -> Expr {
         let t = code.bind(&format!("t_{name}"), Ty::F32, t);
         let mut arguments = vec![ray.at(t.clone())];
-        arguments.extend(sides.hoisted.iter().cloned());
-        for shell in &sides.function.altitudes {
+        arguments.extend(hoisted.iter().cloned());
+        for shell in &function.altitudes {
             arguments.push(self.altitude(code, ray, *shell, &t));
         }
-        code.bind(name, sides.function.result, Expr::Call(sides.function.id, arguments))
+        code.bind(name, function.result, Expr::Call(function.id, arguments))
     }
 
     /// Whether two places lie on different sides of some jump.

@@ -134,6 +134,8 @@ pub(crate) struct Tracer<'a> {
     pub(super) bricks: Vec<(u32, FunctionId)>,
     /// The function that tells on which side of curved jumps a place lies.
     pub(super) sides: Option<FieldFunction>,
+    /// The functions that give the arguments of what is narrow, by number.
+    pub(super) narrows: Vec<(u32, FieldFunction)>,
 }
 
 /// Variables of the function.
@@ -211,6 +213,7 @@ impl<'a> Tracer<'a> {
             transmitted: None,
             bricks: vec![],
             sides: None,
+            narrows: vec![],
         }
     }
 }

@@ -54,8 +54,8 @@ struct Own {
     extinction: f64,
     source: f64,
     occupied: bool,
-    /// Longest step, if something narrow may hide.
-    finest: Option<f64>,
+    /// How fast arguments change at most that something narrow in it depends on, if there is any.
+    steep: Option<f64>,
 }
 
 impl Bricks {
@@ -190,11 +190,11 @@ impl Bricks {
             own[index(at)] = brick;
         }
         let empty = distances(counts, |i| own[i].occupied);
-        let calm = distances(counts, |i| own[i].finest.is_some());
+        let calm = distances(counts, |i| own[i].steep.is_some());
         let up = |x: f64| if x > f64::from(f32::MAX) { f32::MAX } else { ((x * (1.0 + 1e-6)) as f32).next_up() };
         let records = own.iter().enumerate().map(|(i, own)| {
             let size = |x: f64| if x > 0.0 { up(x) } else { 0.0 };
-            let calm = own.finest.map_or(calm[i] as f32, |finest| -(finest as f32));
+            let calm = own.steep.map_or(calm[i] as f32, |steep| -(steep as f32).clamp(1e-37, f32::MAX));
             if own.occupied {
                 [size(own.extinction), size(own.source), 0.0, calm]
             } else {
@@ -321,25 +321,25 @@ impl Cover<'_> {
         let extinction = self.fields.extinction.map_or(0.0, largest);
         let source = self.fields.source.iter().map(|s| largest(*s)).fold(0.0, f64::max);
         let occupied = lost || extinction > self.tiny[0] || source > self.tiny[1];
-        let mut finest: Option<f64> = None;
+        let size = self.edge.iter().fold(0.0f64, |m, e| m.max(*e));
+        // What steps resolve anyway, or no step within a brick can miss.
+        let resolved = self.bounds.cell.map_or(size, |cell| size.min(2.0 * cell));
+        let mut steep: Option<f64> = None;
         for (i, narrow) in self.bounds.narrow.iter().enumerate() {
             let root = self.fields.narrow + 2 * i;
             let argument = code.hull(work, root);
             let slope: f64 = code.root(work, root + 1).iter().map(|c| c.magnitude().powi(2)).sum();
             let slope = slope.sqrt().min(self.fields.steepest[i]);
-            for (from, to) in &narrow.bands {
+            let fine = |(from, to): &(f64, f64)| {
                 let met = argument.low <= *to && argument.high >= *from;
                 let within = argument.low >= *from && argument.high <= *to;
-                if met && !within && slope > 0.0 {
-                    let way = (to - from) / slope;
-                    finest = Some(finest.map_or(way, |f| f.min(way)));
-                }
+                met && !within && (to - from) < resolved * slope
+            };
+            if narrow.bands.iter().any(fine) {
+                steep = Some(steep.map_or(slope, |s| s.max(slope)));
             }
         }
-        let size = self.edge.iter().fold(0.0f64, |m, e| m.max(*e));
-        // What steps resolve anyway, or no step within a brick can miss.
-        let resolved = self.bounds.cell.map_or(size, |cell| size.min(2.0 * cell));
-        Own { extinction, source, occupied, finest: finest.filter(|f| *f < resolved).map(|f| f.max(size * 2e-5)) }
+        Own { extinction, source, occupied, steep }
     }
 }
 
@@ -350,7 +350,7 @@ impl Own {
             extinction: self.extinction.max(other.extinction),
             source: self.source.max(other.source),
             occupied: self.occupied || other.occupied,
-            finest: self.finest.into_iter().chain(other.finest).reduce(f64::min),
+            steep: self.steep.into_iter().chain(other.steep).reduce(f64::max),
         }
     }
 }
@@ -361,7 +361,7 @@ fn worth(bricks: &[([u32; 3], Own)], met: usize) -> bool {
     let emptied = (met - bricks.len()) as f64 > 0.02 * met as f64;
     let most = bricks.iter().map(|b| b.1.extinction).fold(0.0, f64::max);
     let mean = bricks.iter().map(|b| b.1.extinction).sum::<f64>() / bricks.len().max(1) as f64;
-    emptied || mean < 0.5 * most || bricks.iter().any(|b| b.1.finest.is_some())
+    emptied || mean < 0.5 * most || bricks.iter().any(|b| b.1.steep.is_some())
 }
 
 /// Whether a brick lies outside a ball that is all of a shape.
