@@ -3,7 +3,7 @@
 use super::read;
 use crate::args::{Check, Format};
 use crate::output::{Exit, complain, count, diagnostics, diagnostics_json, document};
-use runtime::frame::FileLoader;
+use runtime::frame::{FileLoader, findings};
 use serde_json::{Value, json};
 
 pub(super) fn run(format: Format, arguments: &Check) -> Exit {
@@ -13,7 +13,10 @@ pub(super) fn run(format: Format, arguments: &Check) -> Exit {
     for name in &arguments.scenes {
         let (found, sources) = match read(&loader, name) {
             Ok(text) => {
-                let checked = compiler::check(name, &text, &loader);
+                let mut checked = compiler::check(name, &text, &loader);
+                if let Some(program) = &checked.program {
+                    checked.diagnostics.0.extend(findings(program, None).0);
+                }
                 (checked.diagnostics, checked.sources)
             }
             Err(trouble) => (trouble.diagnostics, trouble.sources),

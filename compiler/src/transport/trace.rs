@@ -1,9 +1,11 @@
 //! The function `trace(origin, direction, start)`: one ray through all media, up to the first surface.
 //!
 //! The ray is cut at every boundary of a shape into segments in which the set of media is constant. A segment in which all
-//! light has closed forms costs no step; in others the midpoint rule with the exact exponential inside a step
-//! (Hillaire 2015) is applied once over a step and again over its halves: the halves are the result, the difference steers
-//! the step and is the reported error. The function `shadow` is the same walk towards a light, for the optical depth alone.
+//! light has closed forms costs no step. In others coefficients are sampled at five points of a step (`nodes`), and Simpson's
+//! rule gives their means over the step and over its halves; light is the exact exponential through a source that is constant
+//! over each of these (Hillaire 2015). The halves are the result, the difference steers the step and is the reported error
+//! (`march`). A number of `steps` that is asked for takes the midpoint rule instead, at order 2. The function `shadow` is the
+//! same walk towards a light, for the optical depth alone.
 //!
 //! Optical depths are summed and never multiplied up as transmittances, so that nothing underflows early.
 

@@ -131,4 +131,48 @@ The ending says what is written: `.png`, `.exr` or `.npy`. With `--frames` the n
 The range of a `param` is what its author thought sensible. Values outside are used as they are.
 ",
     },
+    CodeInfo {
+        code: "W0680",
+        title: "a coefficient goes negative",
+        explanation: "\
+Light cannot be absorbed, scattered or emitted a negative number of times. The medium was looked at in some places along
+lines through its shape, with params at their defaults; where a picture meets such a place it is an error (E0650). Noise
+goes below 0, and so does CT data:
+
+    density = max(0, fbm(p / 1 m, octaves: 4))
+",
+    },
+    CodeInfo {
+        code: "W0681",
+        title: "a medium is empty",
+        explanation: "\
+Intervals of its fields prove that all its coefficients are 0 wherever it is, with params at their defaults: a threshold
+that nothing passes, or a shape that lies beside the matter.
+",
+    },
+    CodeInfo {
+        code: "N0682",
+        title: "nothing is seen through a medium",
+        explanation: "\
+Optical depths of 50 let e^-50 of the light through. Nothing is wrong with that where a solid is meant; where mist is meant,
+its coefficients are too large by far, often for a missing unit prefix (/mm for /m). `opacity(0.5, per: 1 cm)` says
+directly how much is let through.
+",
+    },
+    CodeInfo {
+        code: "N0683",
+        title: "a shape is far larger than the matter in it",
+        explanation: "\
+The medium was looked at in some places along lines through its shape, and what was found lies in a small part of it. A
+smaller shape costs less wherever bounds of the fields are not known, and gives rays a better start where they are.
+",
+    },
+    CodeInfo {
+        code: "W0684",
+        title: "steps are longer than what they should find",
+        explanation: "\
+With a fixed number of `steps` (or `--steps`) a ray looks at as many places and no others: a shell or a spike of a table
+that is narrower than a step is met by chance, which looks like rings or noise. With `accuracy` steps end before what is narrow.
+",
+    },
 ];

@@ -508,7 +508,7 @@ pub(super) struct Ray {
     pub(super) origin: Vec3,
     /// Unit vector.
     pub(super) direction: Vec3,
-    altitudes: Vec<AltitudeRay>,
+    pub(super) altitudes: Vec<AltitudeRay>,
 }
 
 impl Ray {

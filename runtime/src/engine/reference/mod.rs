@@ -53,6 +53,7 @@ mod sphere;
 mod splats;
 mod split;
 mod surface;
+mod survey;
 mod tail;
 #[cfg(test)]
 mod tests;
@@ -62,6 +63,7 @@ mod whole;
 pub use field::bad_coefficient;
 pub use render::{Picture, Pixels};
 pub use surface::{MeshHit, Meshes, Triangles};
+pub use survey::{Least, Survey, survey};
 pub use whole::WholeReference;
 
 use crate::data::splats::Splats;

@@ -11,7 +11,7 @@ use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
     Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Params, SceneFiles, Vec3,
-    pack_ray, sample_offsets, scene_bounds,
+    findings, pack_ray, sample_offsets, scene_bounds,
 };
 use crate::data::mesh::Mesh;
 use crate::data::splats::Splats;
@@ -20,7 +20,7 @@ use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::{Display, Picture};
 use compiler::analysis::interval::Interval;
-use compiler::diagnostic::{Diagnostic, Diagnostics};
+use compiler::diagnostic::{Diagnostic, Diagnostics, Severity};
 use compiler::ir::eval::evaluate_frame;
 use compiler::ir::{Aa, MeshId, Scattering};
 use compiler::loader::LoadError;
@@ -287,6 +287,8 @@ impl Session {
             ),
             EngineChoice::Cpu | EngineChoice::Reference => None,
         };
+        let found = findings(&program, Some(&grids)).0;
+        warnings.0.extend(found.into_iter().filter(|d| d.severity == Severity::Warning));
         // Where bounds tell nothing, code that reads them would only be in the way.
         let idle = |held: &Held| {
             held.bricks.iter().flatten().all(Bricks::is_whole)
