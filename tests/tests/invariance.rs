@@ -1,5 +1,6 @@
 //! What must not change, on both engines: scenes that are the same to the eye
-//! (`suite/same/*/`), and rays on two sides of a boundary (`suite/continuous`).
+//! (`suite/same/*/`), rays on two sides of a boundary (`suite/continuous`), and more light of more orders of scattering
+//! (`suite/orders`).
 
 use compiler::Options;
 use compiler::ir::Scattering;
@@ -22,13 +23,18 @@ fn rays(path: &Path) -> Vec<RayQuery> {
 }
 
 fn answers(path: &Path, engine: EngineChoice, scattering: Option<Scattering>) -> Option<Vec<RayAnswer>> {
-    ask(path, engine, scattering, &rays(path))
+    ask(path, engine, scattering, (&rays(path), ProbeSettings::default()))
 }
 
-fn ask(path: &Path, engine: EngineChoice, scattering: Option<Scattering>, rays: &[RayQuery]) -> Option<Vec<RayAnswer>> {
+fn ask(
+    path: &Path,
+    engine: EngineChoice,
+    scattering: Option<Scattering>,
+    (rays, settings): (&[RayQuery], ProbeSettings),
+) -> Option<Vec<RayAnswer>> {
     let mut session = open(path, options(scattering), engine)?;
     let params = Params::defaults(&session.program().lowered);
-    match session.probe(&params, rays, &ProbeSettings::default()) {
+    match session.probe(&params, rays, &settings) {
         Ok(answers) => Some(answers),
         // Drivers that end long loops say nothing about light, and air without end that absorbs nothing has no last order.
         Err(trouble) if trouble.diagnostics.iter().any(|d| ["E0655", "E0656"].contains(&d.code)) => {
@@ -40,15 +46,19 @@ fn ask(path: &Path, engine: EngineChoice, scattering: Option<Scattering>, rays: 
     }
 }
 
+/// By how much two answers of which one is of random paths may differ in a band by chance.
+fn by_chance(a: &RayAnswer, b: &RayAnswer, band: usize) -> Option<f64> {
+    let error = |r: &RayAnswer| (r.error_kind == "standard-error").then_some(r.error[band]);
+    let joint = error(a).into_iter().chain(error(b)).reduce(f64::hypot)?;
+    Some(4.5 * joint)
+}
+
 /// By how much the radiance of two answers in a band may differ: by chance, or by what the engine promises.
 fn allowed(engine: EngineChoice, a: &RayAnswer, b: &RayAnswer, band: usize, largest: f64) -> f64 {
-    if a.error_kind == "standard-error" || b.error_kind == "standard-error" {
-        let error = |r: &RayAnswer| if r.error_kind == "standard-error" { r.error[band] } else { 0.0 };
-        return 4.5 * error(a).hypot(error(b)) + 1e-5 * largest;
-    }
-    match engine {
-        EngineChoice::Reference => 1e-7 * a.radiance[band].max(1e-9 * largest),
-        EngineChoice::Gpu | EngineChoice::Cpu | EngineChoice::Auto => 2e-3 * largest,
+    match (by_chance(a, b, band), engine) {
+        (Some(chance), _) => chance + 1e-5 * largest,
+        (None, EngineChoice::Reference) => 1e-7 * a.radiance[band].max(1e-9 * largest),
+        (None, EngineChoice::Gpu | EngineChoice::Cpu | EngineChoice::Auto) => 2e-3 * largest,
     }
 }
 
@@ -109,7 +119,7 @@ fn nothing_jumps_where_the_eye_enters_a_medium() {
             assert!(!lines.is_empty(), "{} names no rays", path.display());
             let pair = |line: &&str| line.split("//").next().expect("a line").split('|').map(one).collect::<Vec<_>>();
             let rays: Vec<RayQuery> = lines.iter().flat_map(pair).collect();
-            let Some(found) = ask(path, engine, None, &rays) else { return Some(vec![]) };
+            let Some(found) = ask(path, engine, None, (&rays, ProbeSettings::default())) else { return Some(vec![]) };
             compared += 1;
             let largest = brightest(&found);
             let mut wrong = vec![];
@@ -126,4 +136,33 @@ fn nothing_jumps_where_the_eye_enters_a_medium() {
         });
     }
     assert!(compared >= 3, "only {compared} scenes were compared");
+}
+
+/// Every order of scattering adds light and takes none away.
+#[test]
+fn more_orders_of_scattering_are_brighter() {
+    for engine in ENGINES {
+        let (mut compared, mut strict) = (0, 0);
+        for path in files("tests/suite/orders", "vol") {
+            let settings = ProbeSettings { rtol: 1e-4, ..ProbeSettings::default() };
+            let of = |scattering| ask(&path, engine, Some(scattering), (&rays(&path), settings));
+            let orders = [Scattering::None, Scattering::Single, Scattering::Multiple].map(of);
+            let [Some(none), Some(single), Some(multiple)] = orders else { continue };
+            compared += 1;
+            // Of what the brightest ray shows, where there is no chance in it.
+            let off = 2e-3 * brightest(&multiple);
+            for (ray, ((n, s), m)) in none.iter().zip(&single).zip(&multiple).enumerate() {
+                for band in 0..n.radiance.len() {
+                    let below = |a: &RayAnswer, b: &RayAnswer, sign: f64| {
+                        a.radiance[band] < b.radiance[band] + sign * (off + by_chance(a, b, band).unwrap_or(0.0))
+                    };
+                    let ordered = below(n, s, 1.0) && below(s, m, 1.0);
+                    assert!(ordered, "{}: {engine:?}, ray {ray}: {n:?} {s:?} {m:?}", path.display());
+                    strict += u32::from(below(n, s, -1.0) && below(s, m, -1.0));
+                }
+            }
+        }
+        println!("{engine:?}: {strict} bands of rays in which each order shows");
+        assert!(strict > 20 || compared == 0, "{engine:?}: only {strict} bands of rays in which each order shows");
+    }
 }

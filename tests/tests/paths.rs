@@ -106,6 +106,11 @@ fn both_path_tracers_agree_within_their_joint_error() {
             return;
         };
         for ((expected, a), (_, b)) in gpu.iter().zip(&reference) {
+            // No matter of chance.
+            for (a, b) in a.transmittance.iter().zip(&b.transmittance) {
+                let at = || format!("{}: {}", path.display(), expected.line);
+                assert!((a - b).abs() < 1e-4, "{}: transmittance {a} and {b}", at());
+            }
             for i in 0..a.radiance.len() {
                 let joint = a.error[i].hypot(b.error[i]).hypot(1e-5 * b.radiance[i]);
                 let z = (a.radiance[i] - b.radiance[i]) / joint;

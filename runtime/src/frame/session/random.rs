@@ -193,7 +193,10 @@ impl Session {
                 }
                 let cut = f64::from(reader.number(record, OutputKind::Error).unwrap_or(0.0));
                 cut_now[ray] += cut / f64::from(copies);
-                reader.answer(record, &mut answers[ray]);
+                // Depths along the ray itself are found with the first paths.
+                if frame.first_path == 0 {
+                    reader.answer(record, &mut answers[ray]);
+                }
                 reader.fault(record, &mut faults);
             });
             traced.map_err(|e| self.broken(&e))?;
