@@ -6,10 +6,6 @@ use compiler::program::OutputKind;
 use runtime::frame::EngineChoice;
 use tyndall_tests::{codes, draw, every_scene, fail, name, open, probe, root};
 
-/// Pixels of these may be beyond the accuracy, by no more than the picture says. It is likely, and not proved, that the lattice on
-/// which light through media is kept is too coarse near the outline of a ball as the sun sees it.
-const BEYOND: [&str; 1] = ["spectral_light"];
-
 /// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: by marching at every pixel
 /// that does not straddle an edge, by other backends at a sample of them.
 fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str) -> u32) {
@@ -31,8 +27,7 @@ fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str)
         if drawing.faults.iter().count() > 0 {
             wrong.push(format!("{:?}", drawing.faults));
         }
-        let told = BEYOND.contains(&name(path)) && drawing.predicted.is_some_and(|p| measured.share <= p.1);
-        if !measured.within() && !told {
+        if !measured.within() {
             wrong.push(format!("beyond its accuracy: {measured:?}"));
         }
         // Edges are lines: what remains is most of the picture.

@@ -2,8 +2,9 @@
 //! their joint standard error. The seeds are fixed, so a failure is one for good.
 
 use compiler::Options;
+use compiler::ir::Scattering;
 use runtime::frame::{EngineChoice, RayAnswer};
-use tyndall_tests::{Expectation, every_scene, files, name, open, pixel_rays, probe};
+use tyndall_tests::{Expectation, every_scene, files, name, open, pixel_rays, probe, root};
 
 const FOLDER: &str = "tests/suite/paths";
 /// Paths of each ray.
@@ -48,19 +49,21 @@ fn the_reference_agrees_with_theory() {
 /// Bounds between which a normally distributed number falls with equal chance: its eighths.
 const EIGHTHS: [f64; 7] = [-1.150_35, -0.674_49, -0.318_64, 0.0, 0.318_64, 0.674_49, 1.150_35];
 
-/// Every pixel of a small picture of each example, on both engines. Scores are the differences in joint standard errors; of
+/// Every pixel of a small picture of each example, and of surfaces in the light of a lamp and a sun in mist, on both engines. Scores are the differences in joint standard errors; of
 /// each pixel one band counts, since its bands share their paths.
 #[test]
 fn pictures_of_paths_agree_pixel_by_pixel() {
     let mut scores: Vec<f64> = vec![];
-    for path in files("examples/paths", "vol") {
+    let mist = root().join("tests/suite/orders/lamp_in_mist.vol");
+    for path in files("examples/paths", "vol").into_iter().chain([mist]) {
         // What the reference does in seconds: paths through noise cost fifty times as much as through milk. With fewer paths
         // batches are not normally distributed: what brightens a table is rare.
         let (size, samples) = match name(&path) {
             "cumulus" => ([14, 9], 256),
             _ => ([12, 12], 1024),
         };
-        let options = Options { samples: Some(samples), ..Options::probe() };
+        let scattering = Some(Scattering::Multiple);
+        let options = Options { samples: Some(samples), scattering, ..Options::probe() };
         let answers = [EngineChoice::Gpu, EngineChoice::Reference].map(|engine| {
             let mut session = open(&path, options.clone(), engine)?;
             let rays = pixel_rays(&session, size);
@@ -92,6 +95,14 @@ fn pictures_of_paths_agree_pixel_by_pixel() {
     let beyond = |z: f64| scores.iter().filter(|s| s.abs() > z).count() as f64;
     println!("{n} scores {counts:?}, chi-square {chi:.1}, beyond 2 and 3: {} and {}", beyond(2.0), beyond(3.0));
     assert!(chi < 24.3, "chi-square {chi} of {counts:?}");
+    // No engine is brighter, and no error is understated. Of 32 batches each, the joint error makes of the normal distribution one
+    // of Student's t of 31 to 62 degrees of freedom, whose variance is ν/(ν − 2).
+    let mean = scores.iter().sum::<f64>() / n;
+    let variance = scores.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    println!("mean {mean:.3}, variance {variance:.3}");
+    assert!(mean.abs() < 4.0 / n.sqrt(), "mean {mean} of {n} scores");
+    let chance = 4.0 * (2.0 / n).sqrt();
+    assert!((62.0 / 60.0 - chance..31.0 / 29.0 + chance).contains(&variance), "variance {variance} of {n} scores");
     // Of 4.6 % and 0.27 % for a normal distribution; a little more where an error itself is known from 32 batches only.
     assert!((0.025 * n..0.075 * n).contains(&beyond(2.0)), "{} of {n} beyond two standard errors", beyond(2.0));
     assert!(beyond(3.0) < 0.012 * n, "{} of {n} beyond three standard errors", beyond(3.0));

@@ -50,7 +50,7 @@ impl KernelBuilder {
             FrameValue::Seed => ("seed", 1, true),
             FrameValue::Rounds => ("rounds", 1, true),
             FrameValue::CacheLow => ("cache_low", 3, false),
-            FrameValue::CacheSize => ("cache_size", 1, false),
+            FrameValue::CacheSize => ("cache_size", 3, false),
             FrameValue::PixelScale => ("pixel_scale", 1, false),
             FrameValue::Repeat => ("repeat", 1, true),
             FrameValue::SlabStart => ("slab_start", 1, false),

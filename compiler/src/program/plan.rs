@@ -182,9 +182,9 @@ pub enum FrameValue {
     FirstPath,
     /// u32: `--seed`
     Seed,
-    /// vec3: lower corner of the cube in which columns of light are kept
+    /// vec3: lower corner of the box in which columns of light are kept
     CacheLow,
-    /// f32: its edge
+    /// vec3: its edges
     CacheSize,
     /// u32: 2, which no compiler knows: a loop of so many rounds shows whether the driver still lets loops go on
     Rounds,
@@ -431,7 +431,7 @@ impl Pass {
 }
 
 /// A pass that fills [`Binding::Cache`] before anything is drawn. Node `TileOrigin.x + i` is invocation `i` of `RayCount`.
-#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FillPass {
     /// Which of the program's kernels.
     pub kernel: u32,
@@ -439,6 +439,8 @@ pub struct FillPass {
     pub nodes: u32,
     /// Numbers that the cache holds.
     pub floats: u32,
+    /// Which media of the scene it is about: the box around them is where the nodes are.
+    pub media: Vec<u32>,
 }
 
 /// A pass that finds what is at the nodes of the lattice of splats. Node `TileOrigin.x + i` is invocation `i` of `RayCount`.

@@ -152,7 +152,7 @@ pub fn print_plan(program: &Program) -> String {
                 let info = &scene.meshes[id.0 as usize];
                 format!("buffer of mesh {}: {} triangles and their boxes", info.path, info.header.triangles)
             }
-            Binding::Cache => format!("cache of {} depths towards lights", plan.fill.map_or(0, |f| f.floats)),
+            Binding::Cache => format!("cache of {} depths towards lights", plan.fill.as_ref().map_or(0, |f| f.floats)),
             Binding::Bounds(number) => {
                 let bounds = &plan.bounds[*number as usize];
                 let narrow = if bounds.narrow.is_empty() { "" } else { ", and of what is narrow in it" };
@@ -190,7 +190,7 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "    {:4} {} : {prim} × {} = {source}", field.offset, field.name, field.width);
     }
     let _ = writeln!(out, "passes:");
-    if let Some(fill) = plan.fill {
+    if let Some(fill) = &plan.fill {
         let kernel = &program.kernels[fill.kernel as usize].name;
         let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
     }

@@ -107,7 +107,7 @@ impl Tracer<'_> {
         code.open();
         let channel = code.bind("channel", Ty::U32, index.clone() / n.pow(3));
         let share = node(&mut code, &(index.clone() - channel.clone() * n.pow(3)), n);
-        let p = code.bind("p", Ty::VEC3, low.clone() + share * size.clone().splat(3));
+        let p = code.bind("p", Ty::VEC3, low.clone() + share * size.clone());
         code.set(place, p.clone());
         for (number, light) in (0u32..).zip(self.scene.lights.clone()) {
             code.open();
@@ -132,7 +132,7 @@ impl Tracer<'_> {
         let rest = code.bind("rest", Ty::U32, index.clone() - fine);
         let channel = code.bind("direction_number", Ty::U32, rest.clone() / COARSE.pow(3));
         let share = node(&mut code, &(rest - channel.clone() * COARSE.pow(3)), COARSE);
-        let p = code.bind("p", Ty::VEC3, low + share * size.splat(3));
+        let p = code.bind("p", Ty::VEC3, low + share * size);
         code.set(place, p);
         let direction = Self::sky_direction(&mut code, &channel.convert(Prim::F32));
         code.set(to, direction);
@@ -153,7 +153,8 @@ impl Tracer<'_> {
             code.store(buffer, index.clone() * u32::from(dw) + u32::from(i), part);
         }
         let entry = code.finish(None);
-        let fill = FillPass { kernel: 1, nodes: fine + sky, floats: (fine + sky) * u32::from(dw) };
+        let media = self.scene.matter.iter().filter(|m| self.open_depth(m)).map(|m| m.index).collect();
+        let fill = FillPass { kernel: 1, nodes: fine + sky, floats: (fine + sky) * u32::from(dw), media };
         let fine = (lights > 0).then(|| self.column("column", n, 0));
         let sky = (sky > 0).then(|| self.column("column_of_sky", COARSE, lights * n.pow(3)));
         Some((Cache { fine, sky, closed, fill }, entry))
@@ -216,7 +217,8 @@ impl Tracer<'_> {
         let mut enter = Expr::F32(0.0);
         let mut leave = limit;
         for i in 0..3u8 {
-            let arguments = vec![from.clone().component(i), to.clone().component(i), Expr::F32(0.0), size.clone()];
+            let arguments =
+                vec![from.clone().component(i), to.clone().component(i), Expr::F32(0.0), size.clone().component(i)];
             let span = code.bind("span", super::shapes::SPAN, Expr::Call(axis, arguments));
             enter = enter.max(span.clone().component(0));
             leave = leave.min(span.component(1));
@@ -225,7 +227,7 @@ impl Tracer<'_> {
         code.if_(enter.clone().greater_equal(leave), |code| {
             code.return_(Expr::Compose(result, vec![Expr::F32(0.0).splat(dw), Expr::F32(0.0)]));
         });
-        let u = (from + to * enter.splat(3)) / size.splat(3);
+        let u = (from + to * enter.splat(3)) / size;
         let u = Expr::math(Math::Clamp, [u, Expr::F32(0.0).splat(3), Expr::F32(1.0).splat(3)]);
         let u = code.bind("u", Ty::VEC3, u);
         let near = Expr::Call(lattice, vec![u.clone(), channel.clone(), Expr::U32(1)]);

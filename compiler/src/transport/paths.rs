@@ -131,6 +131,10 @@ impl Tracer<'_> {
         let begin = code.var("begin", Ty::F32, start.clone());
         let bounces = code.var("bounces", Ty::U32, 0u32);
         let error = code.var("cut_off", Ty::F32, 0.0);
+        // Coefficients are looked at wherever a tentative collision is.
+        let checked = self.wants(OutputKind::Fault) && scene.matter.iter().any(|m| !m.checks.is_empty());
+        let fault = checked.then(|| code.var("fault", Ty::U32, 0u32));
+        let fault_at = checked.then(|| code.var("fault_at", Ty::VEC3, zero(3)));
         code.open();
         let ray = Ray { origin: code.bind("o", Ty::VEC3, origin), direction: code.bind("d", Ty::VEC3, direction) };
         let flight = Flight {
@@ -158,8 +162,8 @@ impl Tracer<'_> {
             radiance: Some(flight.emitted),
             error: None,
             work: None,
-            fault: None,
-            fault_at: None,
+            fault,
+            fault_at,
             projected: None,
         };
         self.walk = Walk::Path(flight.clone());
@@ -179,7 +183,8 @@ impl Tracer<'_> {
         self.roulette(&mut code, &flight, bounces, error);
         let block = code.close();
         code.push_loop(block);
-        self.finish_path(code, &first, &start, light, error, direct.as_ref(), ledger)
+        let found = State { radiance: Some(light), error: Some(error), ..state };
+        self.finish_path(code, (&first, &start), &found, direct.as_ref(), ledger)
     }
 
     /// The phase functions of the media that scatter.
@@ -781,10 +786,8 @@ impl Tracer<'_> {
     fn finish_path(
         self,
         mut code: Code,
-        ray: &Ray,
-        start: &Expr,
-        light: LocalId,
-        error: LocalId,
+        (ray, start): (&Ray, &Expr),
+        found: &State,
         direct: Option<&super::light::Shadow>,
         ledger: &mut Ledger,
     ) -> Traced {
@@ -814,18 +817,20 @@ impl Tracer<'_> {
             Expr::Local(depth)
         });
         let cut = cut_short(self.builder, &mut code);
-        let cut = code.bind("cut", Ty::F32, cut.select(Expr::U32(Fault::CUT_SHORT), Expr::U32(0)).bitcast(Prim::F32));
+        let fault = found.fault.map_or(Expr::U32(0), Expr::Local);
+        let fault = code.bind("bits", Ty::F32, cut.select(Expr::U32(Fault::CUT_SHORT), fault).bitcast(Prim::F32));
+        let fault_at = found.fault_at.map_or(Expr::F32(0.0).splat(3), Expr::Local);
         let mut fields: Vec<(OutputKind, u8)> = vec![];
         let mut values = vec![];
         for kind in self.wanted.clone() {
             let (width, value) = match kind {
-                OutputKind::Radiance => (lw, Expr::Local(light)),
+                OutputKind::Radiance => (lw, found.radiance.map_or(Expr::F32(0.0).splat(lw), Expr::Local)),
                 OutputKind::Transmittance => (dw, depth.clone().map_or(Expr::F32(1.0), |d| (-d).exp())),
                 OutputKind::OpticalDepth => (dw, depth.clone().unwrap_or(Expr::F32(0.0))),
-                OutputKind::Error => (1, Expr::Local(error)),
+                OutputKind::Error => (1, found.error.map_or(Expr::F32(0.0), Expr::Local)),
                 OutputKind::Fault => {
-                    let nowhere = || Expr::F32(0.0);
-                    (4, Expr::Compose(Ty::float(4), vec![cut.clone(), nowhere(), nowhere(), nowhere()]))
+                    let at = (0..3).map(|i| fault_at.clone().component(i));
+                    (4, Expr::Compose(Ty::float(4), [fault.clone()].into_iter().chain(at).collect()))
                 }
                 OutputKind::Evaluations | OutputKind::Edge => continue,
             };

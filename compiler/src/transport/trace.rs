@@ -271,7 +271,7 @@ impl Tracer<'_> {
         if self.scene.is_lit() && self.caches() {
             if let Some((cache, entry)) = self.write_cache(sdfs) {
                 ledger.omit("steps towards lights at every sample", "columns of light are kept on a lattice", None);
-                fill = Some((cache.fill, entry));
+                fill = Some((cache.fill.clone(), entry));
                 self.cache = Some(cache);
             }
         } else if self.scene.is_lit() {

@@ -3,7 +3,7 @@
 use super::Vec3;
 use super::vector::{add, cross, dot, is_finite, length, scale, sub};
 use compiler::ir::eval::evaluate_frame;
-use compiler::ir::{FieldScene, NodeId, Primitive, PrimitiveKind, Shape};
+use compiler::ir::{FieldScene, Medium, NodeId, Primitive, PrimitiveKind, Shape};
 
 /// A ball that holds something.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -125,11 +125,15 @@ pub(super) fn media_boxes(scene: &FieldScene, params: &[Vec<f64>], time: f64) ->
     all.filter(|corners| corners.iter().all(|c| is_finite(*c))).collect()
 }
 
-/// Lower and upper corner of a box around all media; nothing where one has no end, or there is none.
+/// Lower and upper corner of a box around some media; nothing where one has no end, or there is none.
 #[must_use]
-pub(super) fn media_box(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Option<[Vec3; 2]> {
+pub(super) fn box_around<'a>(
+    scene: &FieldScene,
+    media: impl IntoIterator<Item = &'a Medium>,
+    (params, time): (&[Vec<f64>], f64),
+) -> Option<[Vec3; 2]> {
     let of = |nodes: &[NodeId]| evaluate_frame(&scene.graph, nodes, params, time);
-    let all: Option<Vec<_>> = scene.media.iter().map(|m| boxes(&m.shape, &of)).collect();
+    let all: Option<Vec<_>> = media.into_iter().map(|m| boxes(&m.shape, &of)).collect();
     let all: Vec<Vec3> = all?.into_iter().flatten().flatten().collect();
     let extreme =
         |pick: fn(f64, f64) -> f64| all.iter().copied().reduce(|a, b| std::array::from_fn(|k| pick(a[k], b[k])));

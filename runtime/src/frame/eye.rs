@@ -49,6 +49,8 @@ pub struct Frame {
     pub footprints: Arc<super::Footprints>,
     /// Bounds of media on lattices, by part of the program and number in its plan.
     pub bricks: Arc<Vec<Vec<Bricks>>>,
+    /// The box around media whose columns of light are kept.
+    pub columns: Option<[Vec3; 2]>,
     /// Which part is drawn.
     pub part: usize,
 }
@@ -66,13 +68,14 @@ impl Frame {
         self.bricks.get(self.part).map_or(&[], Vec::as_slice)
     }
 
-    /// Lower corner and edge of the cube around the media in which columns of light are kept.
+    /// Lower corner and edges of the box in which columns of light are kept: a little wider than what it is around, so that
+    /// rounding leaves nothing outside, and nowhere without extent.
     #[must_use]
-    pub fn cube(&self) -> (Vec3, f64) {
-        let ball = self.bounds.unwrap_or(Ball { center: [0.0; 3], radius: 1.0 });
-        // A little wider, so that rounding leaves nothing outside.
-        let reach = ball.radius * (1.0 + 1e-4) + 1e-30;
-        (ball.center.map(|c| c - reach), 2.0 * reach)
+    pub fn lattice_of_columns(&self) -> (Vec3, Vec3) {
+        let [low, high] = self.columns.unwrap_or([[-1.0; 3], [1.0; 3]]);
+        let edges = sub(high, low);
+        let rim = 1e-4 * edges.iter().copied().fold(0.0, f64::max) + 1e-30;
+        (low.map(|x| x - rim), edges.map(|e| e + 2.0 * rim))
     }
 
     /// What every node of a graph can be anywhere in the scene.

@@ -208,7 +208,7 @@ impl Needs {
                 }
                 Binding::Cache => {
                     needs.storage_buffers += 1;
-                    let floats = program.plan.fill.map_or(0, |f| u64::from(f.floats));
+                    let floats = program.plan.fill.as_ref().map_or(0, |f| u64::from(f.floats));
                     needs.storage_bytes = needs.storage_bytes.max(4 * floats);
                 }
                 Binding::Bounds(_) => {
@@ -243,7 +243,8 @@ impl Needs {
             needs.targets[1] += u32::from(target.channels) * 4;
         }
         let kernels = program.plan.passes.iter().flat_map(Pass::kernels);
-        let kernels = kernels.chain(program.plan.fill.map(|f| f.kernel)).chain(program.plan.plant.map(|p| p.kernel));
+        let kernels =
+            kernels.chain(program.plan.fill.as_ref().map(|f| f.kernel)).chain(program.plan.plant.map(|p| p.kernel));
         for kernel in kernels {
             let size = program.kernels[kernel as usize].workgroup();
             needs.invocations = needs.invocations.max(size.iter().product());

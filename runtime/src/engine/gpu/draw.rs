@@ -286,7 +286,7 @@ impl Prepared {
         if self.program.plan.footprints.is_some() {
             self.write_footprints(frame)?;
         }
-        if let Some(fill) = self.program.plan.fill {
+        if let Some(fill) = &self.program.plan.fill {
             self.once(&mut block, Once::Fill, fill.nodes)?;
         }
         if self.program.plan.plant.is_some() {

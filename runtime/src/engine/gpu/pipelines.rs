@@ -224,7 +224,7 @@ impl Pipelines {
             Pass::Raster { vertex, fragment, .. } => compiler.raster(vertex, fragment),
         };
         let passes = program.plan.passes.iter().map(pass).collect::<Result<_, _>>()?;
-        let fill = program.plan.fill.map(|fill| compiler.compute(fill.kernel)).transpose()?;
+        let fill = program.plan.fill.as_ref().map(|fill| compiler.compute(fill.kernel)).transpose()?;
         let plant = program.plan.plant.map(|plant| compiler.compute(plant.kernel)).transpose()?;
         if let Some(cache) = &gpu.cache {
             cache.save();

@@ -234,7 +234,7 @@ impl Slot {
         }
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("fill") });
         let (step, group, kernel) = match once {
-            Once::Fill => (&pipelines.fill, &self.groups.fill, program.plan.fill.map(|f| f.kernel)),
+            Once::Fill => (&pipelines.fill, &self.groups.fill, program.plan.fill.as_ref().map(|f| f.kernel)),
             Once::Plant => (&pipelines.plant, &self.groups.plant, program.plan.plant.map(|p| p.kernel)),
         };
         if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group), Some(kernel)) =

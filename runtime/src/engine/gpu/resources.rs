@@ -127,7 +127,7 @@ impl Resources {
                     resources.bounds.push((*number, buffer));
                 }
                 Binding::Cache => {
-                    let size = 4 * program.plan.fill.map_or(1, |f| u64::from(f.floats)).max(1);
+                    let size = 4 * program.plan.fill.as_ref().map_or(1, |f| u64::from(f.floats)).max(1);
                     resources.cache = Some(gpu.device.create_buffer(&wgpu::BufferDescriptor {
                         label: Some("columns of light"),
                         size,

@@ -132,6 +132,7 @@ fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
         lattice: crate::frame::Lattice::default(),
         footprints: Arc::default(),
         bricks: Arc::default(),
+        columns: None,
         part: 0,
     }
 }

@@ -1,7 +1,7 @@
 //! Splats of files, for the GPU.
 
 use super::{Session, Trouble};
-use crate::frame::bounds::media_box;
+use crate::frame::bounds::box_around;
 use crate::frame::{Camera, Cast, Footprints, Frame, Params, Vec3};
 use std::sync::Arc;
 
@@ -48,6 +48,17 @@ impl Session {
 
     /// The box around the media, or all that f32 can square where one has no end: where errors are shared out.
     pub(super) fn media_box(&self, params: &Params, time: f64) -> [Vec3; 2] {
-        media_box(&self.program.lowered, &params.0, time).unwrap_or([[-1e15; 3], [1e15; 3]])
+        let scene = &self.program.lowered;
+        box_around(scene, &scene.media, (&params.0, time)).unwrap_or([[-1e15; 3], [1e15; 3]])
+    }
+
+    /// The box around the media whose columns of light are kept, if there are any.
+    pub(super) fn columns_box(&self, params: &Params, time: f64) -> Option<[Vec3; 2]> {
+        let scene = &self.program.lowered;
+        let mut kept: Vec<u32> =
+            self.program.parts().filter_map(|p| p.plan.fill.as_ref()).flat_map(|f| f.media.clone()).collect();
+        kept.sort_unstable();
+        kept.dedup();
+        box_around(scene, kept.iter().filter_map(|i| scene.media.get(*i as usize)), (&params.0, time))
     }
 }

@@ -503,6 +503,7 @@ impl Session {
             lattice: super::Lattice::default(),
             footprints: Arc::default(),
             bricks: self.bricks(params, time, camera.is_some()),
+            columns: self.columns_box(params, time),
             part: 0,
         }
     }

@@ -145,7 +145,10 @@ impl Session {
             let diagnostic = Diagnostic::error("E0655", format!("no upper bound is known of `{what}`"))
                 .note("random paths find collisions by a bound that the coefficient never exceeds")
                 .hint("clamp it: `min(…, 100 /m)`, or give the medium a shape");
-            let origin = graph.origin(node).span;
+            // Of a sum that no line of the scene writes, the medium.
+            let owner =
+                part.lowered.media.iter().find(|m| what.split_once('.').is_some_and(|(name, _)| name == m.name));
+            let origin = graph.origin(node).span.or(owner.and_then(|m| m.span));
             return Err(self.input(match origin {
                 Some(span) => diagnostic.at(span, "this may be as large as can be"),
                 None => diagnostic,
@@ -206,6 +209,9 @@ impl Session {
                 }
                 together /= 2;
                 continue;
+            }
+            if !faults.is_empty() {
+                return Err(self.trouble(Cause::Input, faults.diagnostics(scene, "rays")));
             }
             tally.add(&batch);
             cut_off.iter_mut().zip(&cut_now).for_each(|(sum, cut)| *sum += cut);
