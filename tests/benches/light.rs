@@ -1,6 +1,7 @@
 //! What light costs: each light and each step of single scattering, and random paths on both engines. Times are those of the machine.
 
 use compiler::Options;
+use compiler::program::OutputKind;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use runtime::frame::{EngineChoice, FileLoader, Session, Settings};
 use std::path::Path;
@@ -8,13 +9,16 @@ use tyndall_tests::{draw, open, root};
 
 const SIZE: u32 = 128;
 
-/// A medium that varies under some suns, of which none is like another.
-fn lit(lights: u32) -> String {
+/// Coefficients through which light has a closed optical depth, and through which it must be stepped.
+const COEFFICIENTS: [(&str, &str); 2] = [
+    ("closed shadows", "k_s = 1 /m * exp(-p.y / 2 m)  k_a = 0.1 /m * exp(-p.x / 1 m)"),
+    ("stepped shadows", "k_s = 1 /m * (1 + 0.5 * sin(p.x / 0.1 m) * sin(p.y / 0.1 m))"),
+];
+
+/// A medium under some suns, of which none is like another.
+fn lit(coefficients: &str, lights: u32) -> String {
     let suns = (0..lights).map(|i| format!("light sun_{i} {{ direction = ({i}, -2, 1)  irradiance = 1 lx }}\n"));
-    let medium = "medium waves {
-        shape = box(min: (-1, -1, -1) m, max: (1, 1, 1) m)
-        k_s = 1 /m * (1 + 0.5 * sin(p.x / 0.1 m) * sin(p.y / 0.1 m))
-    }";
+    let medium = format!("medium matter {{ shape = box(min: (-1, -1, -1) m, max: (1, 1, 1) m)  {coefficients} }}");
     format!("{medium}\n{}render {{ scattering = single }}", suns.collect::<String>())
 }
 
@@ -23,16 +27,34 @@ fn session(text: &str, options: Options) -> Option<Session> {
     Session::open("bench.vol", text, &FileLoader::new(root()), settings).ok()
 }
 
-/// A light more, and steps more, each with the optical depth towards the light looked up on its lattice.
+/// Counted evaluations of a ray, and the least milliseconds of some frames.
+fn cost(session: &mut Session) -> (f64, f64) {
+    let drawn: Vec<_> = (0..5).map(|_| draw(Path::new("bench.vol"), session)).collect();
+    let evaluations = drawn[0].evaluations.unwrap_or(0) as f64 / f64::from(SIZE * SIZE);
+    (evaluations, drawn.iter().map(|d| d.milliseconds).fold(f64::INFINITY, f64::min))
+}
+
+/// A light more, and steps more. Where shadows are stepped through, optical depths towards the lights are looked up on a lattice
+/// that each frame fills anew. What is printed are counts, and times as multiples of that of one light and 64 steps, which other
+/// work on the machine changes less than the times themselves.
 fn single(c: &mut Criterion) {
-    let mut group = c.benchmark_group("single scattering at 128x128 on the GPU");
-    group.sample_size(10);
-    for (lights, steps) in [(0, 64), (1, 64), (2, 64), (4, 64), (1, 16), (1, 32), (1, 128)] {
-        let options = Options { size: Some([SIZE, SIZE]), steps: Some(steps), ..Options::default() };
-        let Some(mut session) = session(&lit(lights), options) else { return };
-        group.throughput(Throughput::Elements(u64::from(SIZE * SIZE * steps)));
-        let id = BenchmarkId::from_parameter(format!("{lights} lights, {steps} steps"));
-        group.bench_function(id, |b| b.iter(|| draw(Path::new("bench.vol"), &mut session)));
+    for (word, coefficients) in COEFFICIENTS {
+        let mut group = c.benchmark_group(format!("single scattering at 128x128 on the GPU, {word}"));
+        group.sample_size(10);
+        let mut whole = None;
+        for (lights, steps) in [(1, 64), (0, 64), (2, 64), (4, 64), (1, 16), (1, 32), (1, 128)] {
+            let mut options = Options { size: Some([SIZE, SIZE]), steps: Some(steps), ..Options::default() };
+            options.outputs.push(OutputKind::Evaluations);
+            let Some(mut session) = session(&lit(coefficients, lights), options) else { return };
+            let (evaluations, least) = cost(&mut session);
+            let share = least / *whole.get_or_insert(least);
+            println!(
+                "{word}, {lights} lights, {steps} steps: {evaluations:.1} evaluations a ray, {share:.2} of the time"
+            );
+            group.throughput(Throughput::Elements(u64::from(SIZE * SIZE * steps)));
+            let id = BenchmarkId::from_parameter(format!("{lights} lights, {steps} steps"));
+            group.bench_function(id, |b| b.iter(|| draw(Path::new("bench.vol"), &mut session)));
+        }
     }
 }
 
@@ -52,8 +74,9 @@ fn paths(c: &mut Criterion) {
             // The error falls as 1/√n.
             let seconds = drawn.milliseconds / 1e3 * share * share / f64::from(size[0] * size[1]);
             println!(
-                "{word}: 1 % at the worst pixel after {:.0} paths of each, {seconds:.3} s a pixel",
-                share * share * 64.0
+                "{word}: {:.0} paths a second, 1 % at the worst pixel after {:.0} paths of each, {seconds:.3} s a pixel",
+                count as f64 / (drawn.milliseconds / 1e3),
+                share * share * f64::from(samples)
             );
         }
         group.throughput(Throughput::Elements(count));

@@ -61,6 +61,21 @@ fn slicing_and_reference_agree_on_every_feature() {
     all_within_their_accuracy("tests/suite/agree", Backend::Slicing, |_| 24);
 }
 
+/// Suns with discs, of which the GPU takes points: what that leaves out is reported, be it more than the accuracy. The reference
+/// takes a second for a few pixels.
+#[test]
+fn discs_of_suns_are_as_good_as_reported() {
+    every_scene("tests/suite/discs", |path| {
+        let mut session = open(path, Options { size: Some([24, 24]), ..Options::default() }, EngineChoice::Gpu)?;
+        let drawing = draw(path, &mut session);
+        let measured = session.measure(&drawing, 16, 1).unwrap_or_else(|t| fail(path, &t));
+        println!("{}: {measured:?} predicted {:?}", path.display(), drawing.predicted);
+        let told = drawing.predicted.is_some_and(|p| measured.share <= p.1);
+        let wrong = format!("{measured:?} predicted {:?}", drawing.predicted);
+        Some(if told && measured.pixels >= 8 { vec![] } else { vec![wrong] })
+    });
+}
+
 /// Shells far thinner than the steps between them: the mean of the picture is the reference's, pixel for pixel nearly so.
 #[test]
 fn thin_shells_have_the_right_mean() {

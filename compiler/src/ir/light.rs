@@ -43,6 +43,12 @@ pub enum LightKind {
 }
 
 impl LightKind {
+    /// Whether it shines from many directions.
+    #[must_use]
+    pub fn is_disc(&self) -> bool {
+        matches!(self, Self::Directional { angular_diameter: Some(_), .. })
+    }
+
     /// Rewrites every node it names.
     pub fn map_nodes(&mut self, map: &mut dyn FnMut(NodeId) -> NodeId) {
         let (a, b, c) = match self {

@@ -1,8 +1,8 @@
 //! Light on its way through media without closed forms, worked out once for a picture: optical depths from the nodes of a
 //! lattice to each light, between which rays interpolate.
 //!
-//! Without it every step of every ray would step towards every light. Suns and lamps have a fine lattice; of an environment
-//! a fixed set of directions is kept on a coarse one. Depths are interpolated (they are smoother than what they let through),
+//! Without it every step of every ray would step towards every light. Suns and lamps have a fine lattice; of the disc of a sun
+//! and of an environment fixed sets of directions are kept on coarser ones. Depths are interpolated (they are smoother than what they let through),
 //! and the difference from the lattice of half the resolution, divided by three since the error falls with its square, is
 //! the error that each look-up adds to the picture's.
 
@@ -23,6 +23,8 @@ fn fine_nodes(rule: StepRule) -> u32 {
     }
 }
 
+/// Points of a disc, in a medium.
+pub(super) const DISC: u32 = 8;
 /// Nodes along each edge for an environment.
 const COARSE: u32 = 25;
 /// Directions of an environment.
@@ -37,6 +39,7 @@ const DIM: f64 = 0.1;
 pub(super) struct Cache {
     /// `column_fine(p, to, limit, channel)` and the same of the sky: depth, and its error in the last component.
     fine: Option<FunctionId>,
+    disc: Option<FunctionId>,
     sky: Option<FunctionId>,
     /// Depth through closed media alone, if there are any beside.
     pub(super) closed: Option<super::light::Shadow>,
@@ -46,8 +49,10 @@ pub(super) struct Cache {
 /// Which column of the cache a sample of a light asks for.
 #[derive(Clone)]
 pub(super) enum Channel {
-    /// Of a light, by its number.
+    /// Of a light that shines from one place, by its number.
     Light(u32),
+    /// Of a disc, by the number of its light, and of its points.
+    Disc(u32, Expr),
     /// Of a direction of the sky, by its number.
     Sky(Expr),
 }
@@ -81,9 +86,12 @@ impl Tracer<'_> {
         let closed = self.scene.matter.iter().any(|m| m.extinction.is_some() && !self.open_depth(m));
         let closed =
             if closed { self.write_shadow_of(sdfs, "shadow_of_closed", |this, m| !this.open_depth(m)) } else { None };
-        let lights = self.scene.lights.len() as u32;
         let n = fine_nodes(self.rule);
+        let (lights, discs) = (self.of_kind(false), self.of_kind(true));
         let fine = lights * n.pow(3);
+        // All points of a disc together have as many nodes as a light that shines from one place; odd, too.
+        let half = n.div_ceil(2);
+        let disc = DISC * discs * half.pow(3);
         let sky = if self.scene.environment { SKY * COARSE.pow(3) } else { 0 };
         let buffer = self.builder.cache();
         let mut code = Code::new("fill", None);
@@ -109,7 +117,8 @@ impl Tracer<'_> {
         let share = node(&mut code, &(index.clone() - channel.clone() * n.pow(3)), n);
         let p = code.bind("p", Ty::VEC3, low.clone() + share * size.clone());
         code.set(place, p.clone());
-        for (number, light) in (0u32..).zip(self.scene.lights.clone()) {
+        let numbered: Vec<_> = (0u32..).zip(self.scene.lights.clone()).collect();
+        for (number, light) in numbered.iter().filter(|(_, light)| !light.kind.is_disc()) {
             code.open();
             match light.kind {
                 LightKind::Directional { direction, .. } => {
@@ -125,11 +134,35 @@ impl Tracer<'_> {
                 }
             }
             let body = code.close();
-            code.push_if(channel.clone().equal(number), body);
+            code.push_if(channel.clone().equal(self.among_its_kind(*number)), body);
         }
         let suns = code.close();
         code.open();
         let rest = code.bind("rest", Ty::U32, index.clone() - fine);
+        let channel = code.bind("point_number", Ty::U32, rest.clone() / half.pow(3));
+        let share = node(&mut code, &(rest - channel.clone() * half.pow(3)), half);
+        let p = code.bind("p", Ty::VEC3, low.clone() + share * size.clone());
+        code.set(place, p);
+        for (number, light) in &numbered {
+            let LightKind::Directional { direction, angular_diameter: Some(diameter), .. } = light.kind else {
+                continue;
+            };
+            code.open();
+            let travel = self.builder.value(self.graph, direction, &format!("{}_direction", light.name));
+            let middle = code.bind("middle", Ty::VEC3, -travel);
+            let diameter = self.builder.value(self.graph, diameter, &format!("{}_angular_diameter", light.name));
+            let cap = Self::height_of_cap(&mut code, &(diameter * 0.5));
+            let frame = Self::across(&mut code, &middle);
+            let own = self.among_its_kind(*number);
+            let point = (channel.clone() - own * DISC).convert(Prim::F32);
+            let direction = Self::disc_direction(&mut code, (&middle, &frame), cap, point, DISC);
+            code.set(to, direction);
+            let body = code.close();
+            code.push_if((channel.clone() / DISC).equal(own), body);
+        }
+        let points = code.close();
+        code.open();
+        let rest = code.bind("rest", Ty::U32, index.clone() - (fine + disc));
         let channel = code.bind("direction_number", Ty::U32, rest.clone() / COARSE.pow(3));
         let share = node(&mut code, &(rest - channel.clone() * COARSE.pow(3)), COARSE);
         let p = code.bind("p", Ty::VEC3, low + share * size);
@@ -137,10 +170,16 @@ impl Tracer<'_> {
         let direction = Self::sky_direction(&mut code, &channel.convert(Prim::F32));
         code.set(to, direction);
         let skies = code.close();
-        match (fine > 0, sky > 0) {
-            (true, true) => code.push_if_else(index.clone().less(fine), suns, skies),
-            (true, false) => code.push_all(suns),
-            (false, _) => code.push_all(skies),
+        let kinds: Vec<_> = [(fine, suns), (disc, points), (sky, skies)].into_iter().filter(|k| k.0 > 0).collect();
+        let (mut first, alone) = (0, kinds.len() == 1);
+        for (nodes, body) in kinds {
+            let here = index.clone().greater_equal(first).and(index.clone().less(first + nodes));
+            if alone {
+                code.push_all(body);
+            } else {
+                code.push_if(here, body);
+            }
+            first += nodes;
         }
         let mut arguments = vec![Expr::Local(place), Expr::Local(to), Expr::Local(limit)];
         if open.stepped {
@@ -154,10 +193,12 @@ impl Tracer<'_> {
         }
         let entry = code.finish(None);
         let media = self.scene.matter.iter().filter(|m| self.open_depth(m)).map(|m| m.index).collect();
-        let fill = FillPass { kernel: 1, nodes: fine + sky, floats: (fine + sky) * u32::from(dw), media };
-        let fine = (lights > 0).then(|| self.column("column", n, 0));
-        let sky = (sky > 0).then(|| self.column("column_of_sky", COARSE, lights * n.pow(3)));
-        Some((Cache { fine, sky, closed, fill }, entry))
+        let nodes = fine + disc + sky;
+        let fill = FillPass { kernel: 1, nodes, floats: nodes * u32::from(dw), media };
+        let sky = (sky > 0).then(|| self.column("column_of_sky", COARSE, fine + disc));
+        let disc = (disc > 0).then(|| self.column("column_of_disc", half, fine));
+        let fine = (fine > 0).then(|| self.column("column", n, 0));
+        Some((Cache { fine, disc, sky, closed, fill }, entry))
     }
 
     /// Writes `name(p, to, limit, channel)`: trilinear interpolation of depths, with the error as last component.
@@ -241,14 +282,29 @@ impl Tracer<'_> {
     /// How many columns a gathering looks up: they count as evaluations.
     pub(super) fn looks(&self) -> Option<u32> {
         let sky = if self.scene.environment { SKY } else { 0 };
-        self.cache.as_ref().map(|_| self.scene.lights.len() as u32 + sky)
+        self.cache.as_ref().map(|_| self.of_kind(false) + DISC * self.of_kind(true) + sky)
+    }
+
+    /// The number of a light among those with a disc, or without.
+    fn among_its_kind(&self, number: u32) -> u32 {
+        let lights = &self.scene.lights;
+        let own = lights[number as usize].kind.is_disc();
+        lights[..number as usize].iter().filter(|l| l.kind.is_disc() == own).count() as u32
+    }
+
+    /// How many lights there are with a disc, or without.
+    fn of_kind(&self, disc: bool) -> u32 {
+        self.scene.lights.iter().filter(|l| l.kind.is_disc() == disc).count() as u32
     }
 
     /// Depth towards a sample's light, and what it may be wrong by.
     pub(super) fn look_up(&mut self, code: &mut Code, cache: &Cache, p: &Expr, sample: &LightSample) -> (Expr, Expr) {
         let dw = self.scene.depth_width;
         let (function, number) = match &sample.channel {
-            Channel::Light(i) => (cache.fine, Expr::U32(*i)),
+            Channel::Light(i) => (cache.fine, Expr::U32(self.among_its_kind(*i))),
+            Channel::Disc(i, point) => {
+                (cache.disc, Expr::U32(self.among_its_kind(*i) * DISC) + point.clone().convert(Prim::U32))
+            }
             Channel::Sky(index) => (cache.sky, index.clone().convert(Prim::U32)),
         };
         let mut depth = Expr::F32(0.0).splat(dw);

@@ -5,7 +5,7 @@
 //! (Swinbank and Purser 2006), there drawn to where the phase function sends light. What a sample brings is attenuated by
 //! e^(−τ) along the way to its light and lost behind a surface.
 
-use super::cache::{Channel, SKY};
+use super::cache::{Channel, DISC, SKY};
 use super::shapes::{FAR, Ray};
 use super::trace::{Tracer, largest, least, widen};
 use crate::fields::{Code, Writer};
@@ -70,7 +70,7 @@ pub(super) struct LightSample {
     pub(super) limit: Expr,
     /// On a plane facing it, in the width of light.
     pub(super) irradiance: Expr,
-    /// For an environment: whether the sample has an even number.
+    /// Of a light with many samples: whether this one has an even number.
     even: Option<Expr>,
     /// Where its column is kept.
     pub(super) channel: Channel,
@@ -89,8 +89,9 @@ pub(super) enum Receiver<'r> {
 /// The sums of a gathering function.
 struct Gathered {
     sums: Vec<LocalId>,
-    /// Sum of the even samples less that of the odd ones, of the brightest band.
-    alternating: Option<LocalId>,
+    /// Of each light with many samples, the sum of the even ones less that of the odd ones, of the brightest band: by the number
+    /// of the light, of an environment without one.
+    alternating: Vec<(Option<u32>, LocalId)>,
     error: Option<LocalId>,
     /// How much optical depth the rounding of the place may make, where that is counted.
     unsure: Option<Expr>,
@@ -211,10 +212,32 @@ impl Tracer<'_> {
     /// 1 − cos α of a disc of radius α, and the irradiance of one of so many samples of it: of the whole, E / (π sin² α) times
     /// its solid angle 2π(1 − cos α) is E · 2/(1 + cos α).
     fn cap(code: &mut Code, irradiance: Expr, radius: &Expr, count: u32, width: u8) -> (Expr, Expr) {
-        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
-        let cap = code.bind("cap", Ty::F32, half.clone() * half * 2.0);
+        let cap = Self::height_of_cap(code, radius);
         let share = Expr::F32(2.0 / f64::from(count)) / (Expr::F32(2.0) - cap.clone());
         (cap, code.bind("irradiance", Ty::float(width), irradiance * share.splat(width)))
+    }
+
+    pub(super) fn height_of_cap(code: &mut Code, radius: &Expr) -> Expr {
+        let half = code.bind("half_sine", Ty::F32, Expr::math(Math::Sin, [radius.clone() * 0.5]));
+        code.bind("cap", Ty::F32, half.clone() * half * 2.0)
+    }
+
+    /// Point number `i` of so many on a disc: a spiral around its middle.
+    pub(super) fn disc_direction(
+        code: &mut Code,
+        (to, frame): (&Expr, &(Expr, Expr)),
+        cap: Expr,
+        i: Expr,
+        count: u32,
+    ) -> Expr {
+        let versine = code.bind("versine", Ty::F32, cap * ((i.clone() + 0.5) * (1.0 / f64::from(count))));
+        let turns = Self::fract(code, i * GOLDEN);
+        Self::around(code, to, frame, (&versine, &(Expr::F32(2.0) - versine.clone())), turns)
+    }
+
+    fn is_even(code: &mut Code, number: LocalId) -> Expr {
+        let half = Expr::Local(number) * 0.5;
+        code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])))
     }
 
     /// A sun with a disc: points of a spiral, each with its share of the light.
@@ -228,27 +251,18 @@ impl Tracer<'_> {
     ) {
         let lw = self.scene.light_width;
         // Where nothing has a sharp edge few samples do, and a ray through a medium mixes those of many places.
-        let count = if on_surface { self.count(0.64, 16, 512) } else { 8 };
+        let count = if on_surface { self.count(0.64, 16, 512) } else { DISC };
         let (cap, e) = Self::cap(code, irradiance, radius, count, lw);
         let frame = Self::across(code, to);
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
         code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
-        let versine = cap * ((Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
-        let versine = code.bind("versine", Ty::F32, versine);
-        let turns = Self::fract(code, Expr::Local(i) * GOLDEN);
-        let sample = Self::around(code, to, &frame, (&versine, &(Expr::F32(2.0) - versine.clone())), turns);
-        each(
-            self,
-            code,
-            &LightSample {
-                to: sample,
-                limit: Expr::F32(FAR),
-                irradiance: e,
-                even: None,
-                channel: Channel::Light(number),
-            },
-        );
+        let sample = Self::disc_direction(code, (to, &frame), cap, i.into(), count);
+        let even = Some(Self::is_even(code, i));
+        // Of columns that are kept, one that lies as far from the middle.
+        let column = Expr::math(Math::Floor, [Expr::Local(i) * (f64::from(DISC) / f64::from(count))]);
+        let (limit, channel) = (Expr::F32(FAR), Channel::Disc(number, column));
+        each(self, code, &LightSample { to: sample, limit, irradiance: e, even, channel });
         code.add(i, 1.0);
         let block = code.close();
         code.push_loop(block);
@@ -340,8 +354,7 @@ impl Tracer<'_> {
         let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
         let e = code.bind("irradiance", Ty::float(lw), e);
-        let half = Expr::Local(i) * 0.5;
-        let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
+        let even = Self::is_even(code, i);
         each(
             self,
             code,
@@ -390,8 +403,7 @@ impl Tracer<'_> {
         let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
         let e = code.bind("irradiance", Ty::float(lw), e);
-        let half = Expr::Local(i) * 0.5;
-        let even = code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])));
+        let even = Self::is_even(code, i);
         let (limit, channel) = (Expr::F32(FAR), Channel::Sky(i.into()));
         each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), channel });
         code.add(i, 1.0);
@@ -466,9 +478,14 @@ impl Tracer<'_> {
         for (sum, part) in into.sums.iter().zip(parts) {
             code.add(*sum, brought(part));
         }
-        if let (Some(alternating), Some(even), [first, ..]) = (into.alternating, &sample.even, parts) {
+        let number = match &sample.channel {
+            Channel::Light(number) | Channel::Disc(number, _) => Some(*number),
+            Channel::Sky(_) => None,
+        };
+        let alternating = into.alternating.iter().find(|(of, _)| *of == number);
+        if let (Some((_, alternating)), Some(even), [first, ..]) = (alternating, &sample.even, parts) {
             let value = largest(brought(first), lw);
-            code.add(alternating, even.clone().select(value.clone(), -value));
+            code.add(*alternating, even.clone().select(value.clone(), -value));
         }
     }
 
@@ -501,14 +518,17 @@ impl Tracer<'_> {
         let wants_error = self.wants(OutputKind::Error) && !matches!(self.rule, StepRule::Closed);
         let sums = (0..count).map(|i| code.var(&format!("light_{i}"), Ty::float(lw), Expr::F32(0.0).splat(lw)));
         let sums = sums.collect();
-        let alternating = self.scene.environment && self.wants(OutputKind::Error);
+        let discs =
+            (0u32..).zip(&self.scene.lights).filter(|(_, light)| light.kind.is_disc()).map(|(number, _)| Some(number));
+        let soft = discs.chain(self.scene.environment.then_some(None)).filter(|_| self.wants(OutputKind::Error));
+        let alternating: Vec<_> = soft.map(|number| (number, code.var("alternating", Ty::F32, 0.0))).collect();
         let shadow = self.shadow.as_ref();
         Gathered {
             sums,
-            alternating: alternating.then(|| code.var("alternating", Ty::F32, 0.0)),
-            error: (alternating
+            error: (!alternating.is_empty()
                 || (wants_error && (self.cache.is_some() || shadow.is_some_and(|s| s.error.is_some()))))
             .then(|| code.var("error", Ty::F32, 0.0)),
+            alternating,
             unsure: None,
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
         }
@@ -518,9 +538,12 @@ impl Tracer<'_> {
     fn return_sums(&mut self, mut code: Code, name: &str, gathered: &Gathered, values: Vec<Expr>) -> InScattered {
         let lw = self.scene.light_width;
         let unsure = gathered.unsure.is_some();
-        if let (Some(error), Some(alternating)) = (gathered.error, gathered.alternating) {
-            // Half the samples alone would be wrong by about half this difference, all of them by less.
-            code.add(error, Expr::Local(alternating).abs() * 0.25);
+        for (number, alternating) in &gathered.alternating {
+            let Some(error) = gathered.error else { continue };
+            // Half the samples of a sky alone would be wrong by about half this difference, all of them by less. A disc is cut by
+            // edges, where points on a spiral converge more slowly.
+            let share = if number.is_some() { 0.5 } else { 0.25 };
+            code.add(error, Expr::Local(*alternating).abs() * share);
         }
         let count = values.len() as u32;
         let extra = [gathered.error.map(|e| ("error", e)), gathered.work.map(|w| ("work", w))];
