@@ -31,6 +31,8 @@ const COARSE: u32 = 25;
 pub(super) const SKY: u32 = 24;
 /// Evaluations along a ray of which some look up columns: drivers that end loops after 65535 rounds get this far.
 pub(super) const MOST_LOOKS: u32 = 12_000;
+/// Depth between the nodes of a cell, and share of it by which two lattices differ, above which nothing is known within the cell.
+const TORN: (f64, f64) = (4.0, 0.2);
 /// What a shadow may be wrong by, as a share of the accuracy for light of strength 1.
 const DIM: f64 = 0.1;
 
@@ -223,6 +225,7 @@ impl Tracer<'_> {
         let corner = [0u8, 1, 2].map(|i| code.bind(["i", "j", "k"][i as usize], Ty::U32, whole(i)));
         let base = code.bind("base", Ty::U32, channel * n.pow(3) + first);
         let mut sum: Option<Expr> = None;
+        let (mut least, mut most): (Option<Expr>, Option<Expr>) = (None, None);
         for c in 0..8u32 {
             let bit = |axis: u32| (c >> axis) & 1;
             let at = |axis: usize| {
@@ -237,14 +240,22 @@ impl Tracer<'_> {
                 if bit(u32::from(axis)) == 1 { f } else { Expr::F32(1.0) - f }
             });
             let weight = weight.reduce(|a, b| a * b).unwrap_or(Expr::F32(1.0));
+            let value = code.bind("node_depth", wide, value);
+            least = Some(least.map_or(value.clone(), |l| l.min(value.clone())));
+            most = Some(most.map_or(value.clone(), |m| m.max(value.clone())));
             let term = code.bind("term", wide, value * weight.splat(dw));
             sum = Some(match sum {
                 Some(sum) => code.bind("sum", wide, sum + term),
                 None => term,
             });
         }
-        code.return_(sum.unwrap_or(Expr::F32(0.0)));
-        let lattice = self.builder.add_function(code.finish(Some(wide)));
+        let zero = || Expr::F32(0.0).splat(dw);
+        let range = most.unwrap_or_else(zero) - least.unwrap_or_else(zero);
+        let found = self
+            .builder
+            .add_struct(&format!("{name}_between"), vec![("depth".into(), wide), ("range".into(), Ty::F32)]);
+        code.return_(Expr::Compose(found, vec![sum.unwrap_or_else(zero), largest(range, dw)]));
+        let lattice = self.builder.add_function(code.finish(Some(found)));
         let result =
             self.builder.add_struct(&format!("{name}_value"), vec![("depth".into(), wide), ("error".into(), Ty::F32)]);
         let axis = self.spans.within(self.builder);
@@ -272,10 +283,14 @@ impl Tracer<'_> {
         let u = Expr::math(Math::Clamp, [u, Expr::F32(0.0).splat(3), Expr::F32(1.0).splat(3)]);
         let u = code.bind("u", Ty::VEC3, u);
         let near = Expr::Call(lattice, vec![u.clone(), channel.clone(), Expr::U32(1)]);
-        let near = code.bind("depth", wide, near);
-        let rough = code.bind("rough", wide, Expr::Call(lattice, vec![u, channel, Expr::U32(2)]));
-        let off = largest((near.clone() - rough).abs(), dw) * (1.0 / 3.0);
-        code.return_(Expr::Compose(result, vec![near, off]));
+        let near = code.bind("fine", found, near);
+        let rough = code.bind("rough", found, Expr::Call(lattice, vec![u, channel, Expr::U32(2)]));
+        let apart = code.bind("apart", Ty::F32, largest((near.clone().field(0) - rough.field(0)).abs(), dw));
+        // Between nodes of which one lies before something opaque and one behind it, light may come through or not.
+        let range = near.clone().field(1);
+        let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
+        let off = torn.select(range, apart * (1.0 / 3.0));
+        code.return_(Expr::Compose(result, vec![near.field(0), off]));
         self.builder.add_function(code.finish(Some(result)))
     }
 

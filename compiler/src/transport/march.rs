@@ -257,7 +257,12 @@ impl Tracer<'_> {
             let weight = front.clone().map_or(Expr::F32(1.0).splat(lw), |f| widen(f, dw, lw));
             let gain = code.bind("gain", Ty::float(lw), weight.clone() * both.clone());
             let noise = largest(weight.clone() * noise, lw);
-            let off = code.bind("light_error", Ty::F32, largest(weight * (both - whole).abs(), lw));
+            let off = (both.clone() - whole).abs();
+            let off = match (&thinner, nodes.front()) {
+                (Some(x), Some(front)) => off.max(self.hidden_front(code, x, front, both)),
+                _ => off,
+            };
+            let off = code.bind("light_error", Ty::F32, largest(weight * off, lw));
             light_gain = Some(gain.clone());
             // Light this step may be wrong by: its share of A·max(W, L), or A of what it adds itself.
             let radiance = state.radiance.expect("there is light to add");
@@ -413,6 +418,19 @@ impl Tracer<'_> {
         code.set(h, spent.select(length.clone(), next));
         let block = code.close();
         code.push_loop(block);
+    }
+
+    /// What a step too thick to be seen through may be wrong by. Its light comes from where it begins, which means over the step
+    /// and over its halves weigh alike: light that reaches no deeper than a skin, say. There the source function k_e/k_t of the
+    /// first sample decides; where nothing is, nothing is known of it.
+    fn hidden_front(&mut self, code: &mut Code, x: &Expr, (source, extinction): (Expr, Expr), light: Expr) -> Expr {
+        let (dw, ew, lw) = (self.scene.depth_width, self.source_width(), self.scene.light_width);
+        let one = || Expr::F32(1.0).splat(dw);
+        let mean = self.attenuated(code, x.clone(), dw);
+        let thick = (one() - mean * Expr::F32(2.0).splat(dw)).max(Expr::F32(0.0).splat(dw));
+        let stopped = (one() - (-x.clone()).exp()) / extinction.max(Expr::F32(1e-30).splat(dw));
+        let front = (widen(source, ew, lw) * widen(stopped, dw, lw)).min(Expr::F32(1e30).splat(lw));
+        (front - light).abs() * widen(thick, dw, lw)
     }
 
     /// Leaps over empty bricks.

@@ -99,6 +99,12 @@ impl Nodes {
         self.of(|f| f.second)
     }
 
+    /// Source and extinction where the step begins.
+    pub(super) fn front(&self) -> Option<(Expr, Expr)> {
+        let (source, extinction) = (self.source.as_ref()?, self.extinction.as_ref()?);
+        Some((source.start.into(), extinction.start.into()))
+    }
+
     /// By how much extinction changes across the step, back and forth.
     pub(super) fn extinction_swing(&self) -> Expr {
         self.extinction.as_ref().map_or(Expr::F32(0.0), |f| f.swing.into())
