@@ -5,7 +5,7 @@ use compiler::Options;
 use compiler::ir::{Aa, Backend};
 use runtime::frame::{EngineChoice, FileLoader, Params, ProbeSettings, RayQuery, Session, Settings};
 use std::path::Path;
-use tyndall_tests::{codes_of, draw_text, open_text};
+use tyndall_tests::{codes_of, draw, draw_text, open_text};
 
 /// Smooth, and nothing is left of it at the faces of its box.
 const SMOKE: &str = "
@@ -87,6 +87,46 @@ fn a_picture_is_that_of_the_ray_marcher() {
     let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
     assert!(worst(&light, &other) < 2e-2, "{}", worst(&light, &other));
     assert!(worst(&clear, &other_clear) < 2e-2, "{}", worst(&clear, &other_clear));
+}
+
+/// Boundaries are blurred by about a spacing: that is within what is said, thin and thick, with a surface in it, and not much less. What is said
+/// is an estimate: along a face that the eye looks along, where tails of two layers of nodes show, it falls short at a few pixels.
+#[test]
+fn what_is_blurred_at_boundaries_is_said_of_each_pixel() {
+    let scene = |shape: &str, k: f64, rest: &str| {
+        format!(
+            "medium body {{ shape = {shape}  k_a = rgb(1, 0.6, 1.5) * {k} /m  k_e = rgb(0.2, 0.9, 1.2) * {k} lx / m }}
+            camera {{ from = (0.7, 0.9, -3.5) m  to = (0,0,0) m  fov = 45 deg }}
+            image {{ size = 26 x 20  aa = none  background = #8090a0 }}\n{rest}"
+        )
+    };
+    let ball = "sphere(center: (0,0,0) m, radius: 1 m)";
+    let block = "difference(box(min: (-0.9,-0.7,-0.6) m, max: (0.8,0.9,0.7) m), sphere(center: (0.5,0.5,-0.5) m, radius: 0.5 m))";
+    let floor = "surface floor { shape = plane(point: (0,-0.3,0) m, normal: (0.2,1,0.1))  albedo = 0.4 }
+        light sun { direction = (0.3,-1,0.4)  irradiance = 2 lx }";
+    let (mut ratios, mut beyond) = (vec![], 0);
+    for (shape, k, rest) in [(ball, 0.3, ""), (ball, 3.0, ""), (ball, 1e4, ""), (block, 2.0, ""), (ball, 1.0, floor)] {
+        let text = scene(shape, k, rest);
+        let Some(mut session) = open_text(&text, splatted(Some(8000), Options::default())) else { return };
+        let drawing = draw(Path::new("scene.vol"), &mut session);
+        let marched = Options { backend: Some(Backend::Raymarch), aa: Some(Aa::None), ..Options::default() };
+        let (exact, _) = draw_text(&text, Options { accuracy: Some(1e-4), ..marched }).expect("an adapter");
+        let pixels = drawing.picture.radiance().chunks(3).zip(exact.chunks(3));
+        for (pixel, (found, exact)) in pixels.enumerate() {
+            let off = found.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let said = drawing.errors[pixel];
+            assert!(off <= 1.5 * said + 1e-3, "{shape} {k}: {off} at pixel {pixel}, said to be {said}");
+            beyond += usize::from(off > said + 1e-3);
+            if off > 1e-3 {
+                ratios.push(said / off);
+            }
+        }
+    }
+    ratios.sort_by(f32::total_cmp);
+    let median = ratios[ratios.len() / 2];
+    assert!(beyond <= 26, "{beyond} of 2600 pixels are beyond");
+    println!("{beyond} beyond; {} pixels, median of reported over measured {median}", ratios.len());
+    assert!(ratios.len() > 500 && median <= 20.0, "{median} of {}", ratios.len());
 }
 
 #[test]

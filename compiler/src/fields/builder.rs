@@ -61,6 +61,7 @@ impl KernelBuilder {
             FrameValue::LatticeLow => ("lattice_low", 3, false),
             FrameValue::LatticeSpacing => ("lattice_spacing", 1, false),
             FrameValue::LatticeCounts => ("lattice_counts", 3, true),
+            FrameValue::Lean => ("lean", 1, false),
             FrameValue::ListEdge => ("list_edge", 1, true),
             FrameValue::Round => ("round_number", 1, true),
             FrameValue::RoundCount => ("round_count", 1, true),

@@ -208,6 +208,8 @@ pub enum FrameValue {
     LatticeSpacing,
     /// u32 × 3: nodes along each axis; number i is x + counts.x·(y + counts.y·z)
     LatticeCounts,
+    /// f32: 0 for splats as they are; 1 and −1 for coefficients larger and smaller by what they may be wrong by
+    Lean,
     /// u32: edge of the tiles of the picture that have lists of splats, in pixels
     ListEdge,
     /// u32: which of the rounds of [`Pass::Rounds`] this is
@@ -292,7 +294,7 @@ pub enum Binding {
     /// Outlines of slabs: array of f32, three per vertex of a list of triangles: x and y in pixels of the picture, and the number
     /// of the slab. The farthest slab comes first.
     Outlines,
-    /// Coefficients of the splats at the nodes of the lattice: array of f32. Written to.
+    /// Coefficients of the splats at the nodes of the lattice, and what they may be wrong by: array of f32. Written to.
     Splats,
     /// The same, only read.
     SplatsRead,
@@ -449,6 +451,8 @@ pub struct FillPass {
 pub struct PlantPass {
     /// Which of the program's kernels.
     pub kernel: u32,
+    /// The one that runs after it, likewise, and finds how wrong that may be.
+    pub doubt: u32,
     /// f32 of a node in [`Binding::Splats`].
     pub stride: u32,
 }

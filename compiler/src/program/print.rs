@@ -195,8 +195,10 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
     }
     if let Some(plant) = plan.plant {
-        let _ =
-            writeln!(out, "    {} once, over the nodes of the lattice", program.kernels[plant.kernel as usize].name);
+        for kernel in [plant.kernel, plant.doubt] {
+            let name = &program.kernels[kernel as usize].name;
+            let _ = writeln!(out, "    {name} once, over the nodes of the lattice");
+        }
     }
     for pass in &plan.passes {
         let name = |kernel: &u32| &program.kernels[*kernel as usize].name;

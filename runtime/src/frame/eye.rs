@@ -45,6 +45,8 @@ pub struct Frame {
     pub slabs: super::Slabs,
     /// For splatting.
     pub lattice: super::Lattice,
+    /// As [`compiler::program::FrameValue::Lean`]. A drawing that leans takes the splats of the one before it.
+    pub lean: f64,
     /// Splats of files as the picture shows them.
     pub footprints: Arc<super::Footprints>,
     /// Bounds of media on lattices, by part of the program and number in its plan.

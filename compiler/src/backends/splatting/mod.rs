@@ -6,11 +6,12 @@
 //! quasi-interpolation of Maz'ya and Schmidt ("Approximate Approximations", 2007), of second order in h on smooth fields down
 //! to a ripple of 6·e^(−2π²κ²). A node holds the mean over one spacing along the view, so that a boundary takes its share.
 //!
-//! Passes: `plant` finds what is at the nodes, once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
+//! Passes: `plant` finds what is at the nodes and `doubt` how wrong that may be, once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
 //! `resolve`, as in slicing. Emission is composed Gaussian by Gaussian in the order of their centres, as if each were thin.
 //!
 //! Where a scene has splats of files, those are what is drawn (`files`), and media between them are integrated.
 
+mod doubt;
 mod files;
 mod splat;
 mod veil;
@@ -63,14 +64,16 @@ pub(super) fn build(
     let pieces = Tracer::new(scene, &seen, &mut builder, rule, wanted).write_slabs(ledger);
     let (outputs, stride) = records::layout(&pieces.whole.fields, false);
     let layers = Layers::new(&pieces);
-    let splats = splat::stride(&pieces);
+    let splats = doubt::stride(&pieces);
     let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
+    let doubt = doubt::entry(scene, &mut builder, &pieces, options.rays);
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes));
     let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
     let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), stride);
     let (extent, group) = records::extent(options.rays);
     let mut entries = vec![
         ("plant", Stage::Compute([64, 1, 1]), plant),
+        ("doubt", Stage::Compute([64, 1, 1]), doubt),
         ("aim", Stage::Compute(group), aim),
         ("corner", Stage::Vertex, corner),
         ("splat", Stage::Fragment, splat),
@@ -86,9 +89,9 @@ pub(super) fn build(
         bindings,
         uniforms,
         passes: vec![
-            Pass::Compute { kernel: 1, extent },
-            Pass::Raster { vertex: 2, fragment: 3, geometry: Geometry::Billboards },
-            Pass::Compute { kernel: 4, extent },
+            Pass::Compute { kernel: 2, extent },
+            Pass::Raster { vertex: 3, fragment: 4, geometry: Geometry::Billboards },
+            Pass::Compute { kernel: 5, extent },
         ],
         targets: layers.targets,
         notes: aim::NOTES,
@@ -96,7 +99,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         bounds: vec![],
-        plant: Some(PlantPass { kernel: 0, stride: splats }),
+        plant: Some(PlantPass { kernel: 0, doubt: 1, stride: splats }),
         footprints: None,
         carried: 0,
         samples,

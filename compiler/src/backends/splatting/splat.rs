@@ -1,6 +1,7 @@
 //! `plant`, `corner` and `splat`: what the Gaussians of the lattice are, their billboards, and what one sends and lets through
 //! at a pixel.
 
+use super::doubt;
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{FieldScene, Projection};
 use crate::program::kernel::{Carries, Expr, Function, Math, Prim, Ty};
@@ -11,41 +12,56 @@ use crate::transport::slab::{Part, Pieces};
 
 /// Deviation of a Gaussian in spacings.
 const WIDTH: f64 = 0.8;
+/// A mean over a cube, over the peak of a Gaussian that holds as much: (2π)^(3/2)·κ³.
+pub(super) const PEAK: f64 = 8.063_859_777_395_3;
 /// Deviations at which a billboard ends. Beyond lies e^(−R²/2) of a Gaussian's share of an optical depth: [`crate::program::SPLAT_CUT`].
 const REACH: f64 = 4.5;
 
 /// The coefficients of a node: which parts of a piece they make, and their types, in the order of memory.
-fn kept(pieces: &Pieces) -> impl Iterator<Item = (Part, Ty)> + '_ {
+pub(super) fn kept(pieces: &Pieces) -> impl Iterator<Item = (Part, Ty)> + '_ {
     pieces.parts.iter().copied().filter(|p| matches!(p.0, Part::Light | Part::Depth))
 }
 
-pub(super) fn stride(pieces: &Pieces) -> u32 {
-    kept(pieces).map(|p| u32::from(components(p.1))).sum::<u32>().max(1)
+/// f32 of all of them.
+pub(super) fn coefficients(pieces: &Pieces) -> u32 {
+    kept(pieces).map(|p| u32::from(components(p.1))).sum()
 }
 
-/// The place of a node.
-fn node(builder: &mut KernelBuilder, code: &mut Code, number: &Expr) -> Expr {
+/// Which node along each axis.
+pub(super) fn index(builder: &mut KernelBuilder, code: &mut Code, number: &Expr) -> [Expr; 3] {
     let counts = builder.frame(FrameValue::LatticeCounts);
     let (nx, ny) = (counts.clone().component(0), counts.component(1));
     let row = code.bind("row_number", Ty::U32, number.clone() / nx.clone());
     let x = number.clone() - row.clone() * nx;
     let z = code.bind("layer_number", Ty::U32, row.clone() / ny.clone());
     let y = row - z.clone() * ny;
-    let index = [x, y, z].map(|i| i.convert(Prim::F32)).into();
+    [x, y, z]
+}
+
+/// The number of this invocation's node. Leaves the kernel where there is none.
+pub(super) fn own_number(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
+    let own = code.bind("own", Ty::U32, Expr::GlobalId.component(0));
+    let count = builder.frame(FrameValue::RayCount);
+    code.if_(own.clone().greater_equal(count), Code::return_nothing);
+    code.bind("number", Ty::U32, builder.frame(FrameValue::TileOrigin).component(0) + own)
+}
+
+/// The place of a node.
+pub(super) fn node(builder: &mut KernelBuilder, code: &mut Code, number: &Expr) -> Expr {
+    let index = index(builder, code, number).map(|i| i.convert(Prim::F32)).into();
     let index = code.bind("node_index", Ty::VEC3, Expr::Compose(Ty::VEC3, index));
     let low = builder.frame(FrameValue::LatticeLow);
     let spacing = builder.frame(FrameValue::LatticeSpacing);
     code.bind("center", Ty::VEC3, low + index * spacing.splat(3))
 }
 
-/// The entry point that finds what is at the nodes.
-pub(super) fn plant(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pieces, rays: RaySource) -> Function {
-    let mut code = Code::new("plant", None);
-    let own = code.bind("own", Ty::U32, Expr::GlobalId.component(0));
-    let count = builder.frame(FrameValue::RayCount);
-    code.if_(own.clone().greater_equal(count), Code::return_nothing);
-    let number = code.bind("number", Ty::U32, builder.frame(FrameValue::TileOrigin).component(0) + own);
-    let center = node(builder, &mut code, &number);
+/// The direction in which a node is seen.
+pub(super) fn along(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    code: &mut Code,
+    (rays, center): (RaySource, &Expr),
+) -> Expr {
     let along = match (rays, scene.camera.projection) {
         (RaySource::List, _) => builder.frame(FrameValue::CameraForward),
         (RaySource::Camera, Projection::Perspective { .. }) => {
@@ -61,7 +77,15 @@ pub(super) fn plant(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pi
             builder.frame(FrameValue::CameraForward)
         }
     };
-    let along = code.bind("along", Ty::VEC3, along);
+    code.bind("along", Ty::VEC3, along)
+}
+
+/// The entry point that finds what is at the nodes.
+pub(super) fn plant(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pieces, rays: RaySource) -> Function {
+    let mut code = Code::new("plant", None);
+    let number = own_number(builder, &mut code);
+    let center = node(builder, &mut code, &number);
+    let along = along(scene, builder, &mut code, (rays, &center));
     let spacing = builder.frame(FrameValue::LatticeSpacing);
     let origin = center - along.clone() * (spacing.clone() * 0.5).splat(3);
     let origin = code.bind("origin", Ty::VEC3, origin);
@@ -70,14 +94,12 @@ pub(super) fn plant(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pi
     let parts = kept(pieces).filter_map(|p| pieces.place(p.0)).map(|place| value.clone().field(place));
     let arguments = parts.chain([spacing]).collect();
     let value = code.bind("mean", pieces.result, Expr::Call(pieces.means, arguments));
-    // The peak of a Gaussian that holds as much as a cube of this mean: (2π)^(−3/2)·κ^(−3).
-    let peak = (std::f64::consts::TAU * WIDTH * WIDTH).powf(-1.5);
     let splats = builder.splats();
-    let base = code.bind("base", Ty::U32, number * stride(pieces));
+    let base = code.bind("base", Ty::U32, number * doubt::stride(pieces));
     let mut offset = 0u32;
     for (part, ty) in kept(pieces) {
         let place = pieces.place(part).expect("it is a part");
-        let mean = value.clone().field(place) * Expr::F32(peak).splat(components(ty));
+        let mean = value.clone().field(place) * Expr::F32(1.0 / PEAK).splat(components(ty));
         let mean = code.bind("peak", ty, mean);
         for i in 0..components(ty) {
             let component = if components(ty) == 1 { mean.clone() } else { mean.clone().component(i) };
@@ -91,16 +113,19 @@ pub(super) fn plant(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pi
     code.finish(None)
 }
 
-/// Reads the coefficients of a node.
-fn read(builder: &mut KernelBuilder, code: &mut Code, pieces: &Pieces, number: &Expr) -> Vec<Expr> {
-    let splats = builder.splats_read();
-    let base = code.bind("base", Ty::U32, number.clone() * stride(pieces));
-    let mut offset = 0u32;
+/// Reads what is known of a node, from some of its numbers on: one value for each of these types.
+pub(super) fn read(
+    code: &mut Code,
+    (buffer, base): (u32, &Expr),
+    from: u32,
+    types: impl Iterator<Item = Ty>,
+) -> Vec<Expr> {
+    let mut offset = from;
     let mut out = vec![];
-    for (_, ty) in kept(pieces) {
+    for ty in types {
         let parts: Vec<Expr> = (0..u32::from(components(ty)))
             .map(|i| {
-                let load = Expr::Load(splats, Box::new(base.clone() + (offset + i)));
+                let load = Expr::Load(buffer, Box::new(base.clone() + (offset + i)));
                 code.bind("coefficient", Ty::F32, load)
             })
             .collect();
@@ -134,9 +159,13 @@ fn corners(builder: &mut KernelBuilder, pieces: &Pieces, projection: Option<Proj
     let mut code = Code::new("corner", None);
     let order = builder.order();
     let number = code.bind("node", Ty::U32, Expr::Load(order, Box::new(Expr::InstanceIndex)));
-    let values = read(builder, &mut code, pieces, &number);
+    let splats = builder.splats_read();
+    let base = code.bind("base", Ty::U32, number.clone() * doubt::stride(pieces));
+    // Where the node holds nothing, its neighbours may say that it holds too little.
+    let types = || kept(pieces).map(|p| p.1).chain(kept(pieces).map(|p| p.1));
+    let values = read(&mut code, (splats, &base), 0, types());
     let mut largest = Expr::F32(0.0);
-    for (value, (_, ty)) in values.into_iter().zip(kept(pieces)) {
+    for (value, ty) in values.into_iter().zip(types()) {
         for i in 0..components(ty) {
             let part = if components(ty) == 1 { value.clone() } else { value.clone().component(i) };
             largest = largest.max(part);
@@ -244,24 +273,52 @@ fn splat(builder: &mut KernelBuilder, pieces: &Pieces, layers: &Layers, (corner,
     let note = Note::read(builder, &mut code, &record);
     let number = code.bind("number", Ty::U32, corner.field(1));
     let center = node(builder, &mut code, &number);
-    let way = code.bind("way", Ty::VEC3, center - note.origin);
+    let way = code.bind("way", Ty::VEC3, center - note.origin.clone());
     let abreast = code.bind("abreast", Ty::F32, way.clone().dot(note.direction.clone()));
-    let foot = code.bind("foot", Ty::VEC3, way - note.direction * abreast.clone().splat(3));
+    let foot = code.bind("foot", Ty::VEC3, way - note.direction.clone() * abreast.clone().splat(3));
     let deviation = builder.frame(FrameValue::LatticeSpacing) * WIDTH;
     let deviation = code.bind("deviation", Ty::F32, deviation);
     let distance = foot.clone().dot(foot) / (deviation.clone() * deviation.clone());
     let distance = code.bind("distance", Ty::F32, distance);
     let vars = layers.clear(&mut code);
-    let ahead = abreast.clone().greater(note.start).and(abreast.less(note.end));
-    let there = distance.clone().less(REACH * REACH).and(ahead).and(note.weight.greater(0.0));
+    let share = share(&mut code, (&abreast, &deviation), &note);
+    let there = distance.clone().less(REACH * REACH).and(share.clone().greater(0.0)).and(note.weight.greater(0.0));
     code.open();
-    let length = (distance * -0.5).exp() * deviation * std::f64::consts::TAU.sqrt();
-    let mut arguments = read(builder, &mut code, pieces, &number);
-    arguments.push(code.bind("length", Ty::F32, length));
-    let value = code.bind("within", pieces.result, Expr::Call(pieces.footprint, arguments));
+    let length = (distance.clone() * -0.5).exp() * deviation * std::f64::consts::TAU.sqrt() * share;
+    let length = code.bind("length", Ty::F32, length);
+    let value = doubt::within(builder, &mut code, pieces, (&number, &length, &distance));
     layers.fill(&mut code, pieces, &vars, &value, &Expr::F32(0.0));
     let body = code.close();
     code.push_if(there, body);
     code.return_(Expr::Compose(colors, vars.into_iter().map(Expr::Local).collect()));
     code.finish(Some(colors))
+}
+
+/// Which part of a Gaussian lies between the eye and where a surface ends the ray: Φ((end − t)/s) − Φ((start − t)/s).
+fn share(code: &mut Code, (abreast, deviation): (&Expr, &Expr), note: &Note) -> Expr {
+    let before = code.bind("before", Ty::F32, (note.start.clone() - abreast.clone()) / deviation.clone());
+    let beyond = code.bind("beyond", Ty::F32, (note.end.clone() - abreast.clone()) / deviation.clone());
+    let share = code.var("share", Ty::F32, Expr::F32(1.0));
+    let cut = before.clone().greater(-REACH).or(beyond.clone().less(REACH));
+    code.open();
+    let part = normal(code, beyond) - normal(code, before);
+    code.set(share, part.max(0.0));
+    let body = code.close();
+    code.push_if(cut, body);
+    Expr::Local(share)
+}
+
+/// Φ, to 8e-8 (Abramowitz & Stegun 1964, 7.1.26, with erf(x/√2) = 2Φ(x) − 1).
+fn normal(code: &mut Code, x: Expr) -> Expr {
+    const POLYNOMIAL: [f64; 5] = [0.254_829_592, -0.284_496_736, 1.421_413_741, -1.453_152_027, 1.061_405_429];
+    let size =
+        code.bind("size", Ty::F32, Expr::math(Math::Abs, [x.clone()]).min(8.0) * std::f64::consts::FRAC_1_SQRT_2);
+    let t = code.bind("t", Ty::F32, Expr::F32(1.0) / (size.clone() * 0.327_591_1 + 1.0));
+    let mut sum = Expr::F32(0.0);
+    for c in POLYNOMIAL.into_iter().rev() {
+        sum = sum * t.clone() + c;
+    }
+    let tail = sum * t * (-(size.clone() * size)).exp() * 0.5;
+    let tail = code.bind("tail", Ty::F32, tail);
+    x.greater(0.0).select(Expr::F32(1.0) - tail.clone(), tail)
 }

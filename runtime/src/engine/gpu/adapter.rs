@@ -243,8 +243,9 @@ impl Needs {
             needs.targets[1] += u32::from(target.channels) * 4;
         }
         let kernels = program.plan.passes.iter().flat_map(Pass::kernels);
-        let kernels =
-            kernels.chain(program.plan.fill.as_ref().map(|f| f.kernel)).chain(program.plan.plant.map(|p| p.kernel));
+        let kernels = kernels
+            .chain(program.plan.fill.as_ref().map(|f| f.kernel))
+            .chain(program.plan.plant.iter().flat_map(|p| [p.kernel, p.doubt]));
         for kernel in kernels {
             let size = program.kernels[kernel as usize].workgroup();
             needs.invocations = needs.invocations.max(size.iter().product());

@@ -242,6 +242,29 @@ impl Prepared {
         Ok(())
     }
 
+    /// Runs what runs once for a picture.
+    fn once_for_all(&mut self, frame: &Frame, block: &mut Block) -> Result<(), GpuError> {
+        let (fill, plant) = (self.program.plan.fill.as_ref().map(|f| f.nodes), self.program.plan.plant);
+        if let Some(plant) = plant {
+            let most = self.gpu.limits().max_storage_buffer_binding_size;
+            if u64::from(frame.lattice.len()) * u64::from(plant.stride) * 4 > most {
+                let message = format!("{} splats are more than this adapter holds", frame.lattice.len());
+                return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("ask for fewer `splats`"));
+            }
+            if self.resources.write_order(&self.gpu, &frame.lattice.order, plant.stride) {
+                self.slots.clear();
+            }
+        }
+        if let Some(nodes) = fill {
+            self.once(block, Once::Fill, nodes)?;
+        }
+        if plant.is_some() {
+            self.once(block, Once::Plant, frame.lattice.len())?;
+            self.once(block, Once::Doubt, frame.lattice.len())?;
+        }
+        Ok(())
+    }
+
     /// Brings splats of files to the device.
     fn write_footprints(&mut self, frame: &Frame) -> Result<(), GpuError> {
         let (records, lists) = (frame.footprints.records(frame.part), frame.footprints.lists());
@@ -273,24 +296,12 @@ impl Prepared {
         if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs.outlines) {
             self.slots.clear();
         }
-        if let Some(plant) = self.program.plan.plant {
-            let most = self.gpu.limits().max_storage_buffer_binding_size;
-            if u64::from(frame.lattice.len()) * u64::from(plant.stride) * 4 > most {
-                let message = format!("{} splats are more than this adapter holds", frame.lattice.len());
-                return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("ask for fewer `splats`"));
-            }
-            if self.resources.write_order(&self.gpu, &frame.lattice.order, plant.stride) {
-                self.slots.clear();
-            }
-        }
         if self.program.plan.footprints.is_some() {
             self.write_footprints(frame)?;
         }
-        if let Some(fill) = &self.program.plan.fill {
-            self.once(&mut block, Once::Fill, fill.nodes)?;
-        }
-        if self.program.plan.plant.is_some() {
-            self.once(&mut block, Once::Plant, frame.lattice.len())?;
+        // A drawing that leans has the splats of the one before.
+        if frame.lean == 0.0 {
+            self.once_for_all(frame, &mut block)?;
         }
         let plan = &self.program.plan;
         let record = u64::from(plan.stride.max(plan.notes).max(plan.carried).max(1)) * 4;

@@ -79,6 +79,7 @@ pub(super) struct Pipelines {
     pub(super) passes: Vec<Step>,
     pub(super) fill: Option<Step>,
     pub(super) plant: Option<Step>,
+    pub(super) doubt: Option<Step>,
 }
 
 /// The format of a target.
@@ -226,10 +227,11 @@ impl Pipelines {
         let passes = program.plan.passes.iter().map(pass).collect::<Result<_, _>>()?;
         let fill = program.plan.fill.as_ref().map(|fill| compiler.compute(fill.kernel)).transpose()?;
         let plant = program.plan.plant.map(|plant| compiler.compute(plant.kernel)).transpose()?;
+        let doubt = program.plan.plant.map(|plant| compiler.compute(plant.doubt)).transpose()?;
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { passes, fill, plant })
+        Ok(Self { passes, fill, plant, doubt })
     }
 }
 

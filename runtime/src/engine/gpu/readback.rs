@@ -44,6 +44,7 @@ struct Groups {
     passes: Vec<wgpu::BindGroup>,
     fill: Option<wgpu::BindGroup>,
     plant: Option<wgpu::BindGroup>,
+    doubt: Option<wgpu::BindGroup>,
 }
 
 /// A dispatch that has been submitted.
@@ -79,6 +80,7 @@ fn instances(pass: &Pass, resources: &Resources, rounds: u32) -> Vec<Range<u32>>
 pub(super) enum Once {
     Fill,
     Plant,
+    Doubt,
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -131,7 +133,7 @@ impl Slot {
             notes,
             carried,
             targets: Targets::default(),
-            groups: Groups { passes: vec![], fill: None, plant: None },
+            groups: Groups { passes: vec![], fill: None, plant: None, doubt: None },
         };
         if plan.targets.is_empty() {
             slot.groups = slot.bind(gpu, program, pipelines, resources);
@@ -186,6 +188,7 @@ impl Slot {
             passes: pipelines.passes.iter().map(group).collect(),
             fill: pipelines.fill.as_ref().map(group),
             plant: pipelines.plant.as_ref().map(group),
+            doubt: pipelines.doubt.as_ref().map(group),
         }
     }
 
@@ -219,7 +222,7 @@ impl Slot {
         invocations * u64::from(program.plan.stride.max(1)) * 4 <= self.capacity
     }
 
-    /// Runs a part of the pass that fills the cache, or of the one that plants splats, and waits for it.
+    /// Runs a part of a pass that runs once for each picture, and waits for it.
     pub(super) fn fill(
         &mut self,
         gpu: &Gpu,
@@ -236,6 +239,7 @@ impl Slot {
         let (step, group, kernel) = match once {
             Once::Fill => (&pipelines.fill, &self.groups.fill, program.plan.fill.as_ref().map(|f| f.kernel)),
             Once::Plant => (&pipelines.plant, &self.groups.plant, program.plan.plant.map(|p| p.kernel)),
+            Once::Doubt => (&pipelines.doubt, &self.groups.doubt, program.plan.plant.map(|p| p.doubt)),
         };
         if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group), Some(kernel)) =
             (step, group, kernel)

@@ -130,6 +130,7 @@ fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
         grids: vec![],
         slabs: crate::frame::Slabs::default(),
         lattice: crate::frame::Lattice::default(),
+        lean: 0.0,
         footprints: Arc::default(),
         bricks: Arc::default(),
         columns: None,

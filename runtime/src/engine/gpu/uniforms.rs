@@ -116,6 +116,7 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::BoundsHigh => frame.slabs.bounds[1].to_vec(),
         FrameValue::LatticeLow => frame.lattice.low.to_vec(),
         FrameValue::LatticeSpacing => vec![frame.lattice.spacing],
+        FrameValue::Lean => vec![frame.lean],
         FrameValue::LatticeCounts => frame.lattice.counts.map(f64::from).to_vec(),
         FrameValue::ListEdge => vec![f64::from(frame.footprints.edge())],
         FrameValue::RoundCount => vec![f64::from(frame.footprints.rounds())],
@@ -153,6 +154,7 @@ fn of_part(value: FrameValue, part: Part, (repeat, round): (u32, u32)) -> Vec<f6
         | FrameValue::BoundsHigh
         | FrameValue::LatticeLow
         | FrameValue::LatticeSpacing
+        | FrameValue::Lean
         | FrameValue::LatticeCounts
         | FrameValue::ListEdge
         | FrameValue::RoundCount => vec![],

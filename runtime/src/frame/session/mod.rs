@@ -501,6 +501,7 @@ impl Session {
             grids: self.grid_ranges.clone(),
             slabs: super::Slabs::default(),
             lattice: super::Lattice::default(),
+            lean: 0.0,
             footprints: Arc::default(),
             bricks: self.bricks(params, time, camera.is_some()),
             columns: self.columns_box(params, time),

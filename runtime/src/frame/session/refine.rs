@@ -5,9 +5,9 @@
 //! as |I(h) − I(H)| / (H/h − 1), which is exact for the first order and too large for the second.
 
 use super::canvas::Canvas;
-use super::{Drawing, RayAnswer, Session, Trouble};
+use super::{RayAnswer, Session, Trouble};
 use crate::engine::gpu::Timing;
-use crate::frame::{Frame, Params};
+use crate::frame::Frame;
 
 /// How many pieces, and of what size.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -25,6 +25,17 @@ pub(super) struct Ladder {
     pub(super) power: f64,
 }
 
+/// What the last pieces gave.
+pub(super) struct Refined {
+    pub(super) frame: Frame,
+    pub(super) canvas: Canvas,
+    /// Of everything that was drawn.
+    pub(super) timing: Timing,
+    pub(super) pieces: Pieces,
+    /// How many pieces there were in all.
+    pub(super) spent: u64,
+}
+
 impl Ladder {
     fn is_asked(&self) -> bool {
         self.first == self.most
@@ -38,15 +49,13 @@ impl Ladder {
 }
 
 impl Session {
-    /// Draws with more and more pieces; `frame` makes the drawing's frame of a number of them, and says what came of it. Gives how many pieces there
-    /// were in all besides.
+    /// Draws with more and more pieces; `frame` makes the drawing's frame of a number of them, and says what came of it.
     pub(super) fn refine(
         &mut self,
         ladder: Ladder,
-        (params, time): (&Params, f64),
         progress: &dyn Fn(f64),
         frame: &dyn Fn(&Self, u32) -> (Frame, Pieces),
-    ) -> Result<(Drawing, Pieces, u64), Trouble> {
+    ) -> Result<Refined, Trouble> {
         let bands = self.program.places.len();
         let mut count = ladder.first;
         let mut before: Option<(Pieces, Canvas, Timing)> = None;
@@ -59,7 +68,7 @@ impl Session {
                 if ladder.is_asked() {
                     // Only what was asked for: nothing tells how good it is but the comparison with the reference.
                     (canvas.predicted, canvas.errors) = (None, vec![]);
-                    return Ok((self.drawing(canvas, timing, params, time)?, pieces, spent));
+                    return Ok(Refined { frame, canvas, timing, pieces, spent });
                 }
                 before = Some((pieces, canvas, timing));
                 count = ladder.next(count, 0.0);
@@ -69,36 +78,37 @@ impl Session {
             let share = canvas.compare(&coarse, larger.size / pieces.size - 1.0, bands);
             canvas.evaluations = canvas.evaluations.zip(coarse.evaluations).map(|(a, b)| a + b);
             if share <= 1.0 || count >= ladder.most || !share.is_finite() {
-                return Ok((self.drawing(canvas, timing, params, time)?, pieces, spent));
+                return Ok(Refined { frame, canvas, timing, pieces, spent });
             }
             before = Some((pieces, canvas, timing));
             count = ladder.next(count, share);
         }
     }
 
-    /// Answers with more and more pieces; `probe` answers with a number of them.
+    /// Answers with more and more pieces; `probe` answers with a number of them. What it answered last is what comes out.
     pub(super) fn refine_probe(
         &mut self,
         ladder: Ladder,
         probe: &mut dyn FnMut(&mut Self, u32) -> Result<(Vec<RayAnswer>, Pieces), Trouble>,
-    ) -> Result<Vec<RayAnswer>, Trouble> {
+    ) -> Result<(Vec<RayAnswer>, Pieces), Trouble> {
         let accuracy = self.accuracy();
-        let (mut answers, mut pieces) = probe(self, ladder.first)?;
         if ladder.is_asked() {
-            // Fewer of them, drawn after, tell as much about the error as more would.
+            // Fewer of them tell as much about the error as more would. What was asked for comes last.
             let fewer = (f64::from(ladder.first) * 0.5f64.powf(1.0 / ladder.power)).ceil() as u32;
-            if fewer < ladder.first {
-                let (rough, larger) = probe(self, fewer)?;
+            let rough = if fewer < ladder.first { Some(probe(self, fewer)?) } else { None };
+            let (mut answers, pieces) = probe(self, ladder.first)?;
+            if let Some((rough, larger)) = rough {
                 compare(&mut answers, &rough, larger.size / pieces.size - 1.0, accuracy);
             }
-            return Ok(answers);
+            return Ok((answers, pieces));
         }
+        let (mut answers, mut pieces) = probe(self, ladder.first)?;
         let mut count = ladder.next(ladder.first, 0.0);
         loop {
             let (mut fine, smaller) = probe(self, count)?;
             let share = compare(&mut fine, &answers, pieces.size / smaller.size - 1.0, accuracy);
             if share <= 1.0 || count >= ladder.most || !share.is_finite() {
-                return Ok(fine);
+                return Ok((fine, smaller));
             }
             (answers, pieces) = (fine, smaller);
             count = ladder.next(count, share);
@@ -134,6 +144,7 @@ impl Canvas {
     /// Estimates the error from a picture with fewer pieces; the largest, as a multiple of what is allowed.
     fn compare(&mut self, coarse: &Self, ratio: f64, bands: usize) -> f64 {
         let own = self.predicted.unwrap_or((0.0, 0.0));
+        self.errors.resize(self.radiance.len() / bands, 0.0);
         let (mut error, mut share) = (0.0f64, 0.0f64);
         let pixels = self.radiance.chunks_exact(bands).zip(coarse.radiance.chunks_exact(bands));
         for (pixel, (fine, rough)) in pixels.enumerate() {
@@ -147,5 +158,27 @@ impl Canvas {
         }
         self.predicted = Some((error + own.0, share + own.1));
         share
+    }
+
+    /// Takes the difference from other pictures that may be right for the error, where that is more than is known. `cut` of the light of a
+    /// pixel is left out besides.
+    pub(super) fn enclose(&mut self, others: &[Self], cut: f64, bands: usize) {
+        self.errors.resize(self.radiance.len() / bands, 0.0);
+        let (mut error, mut share) = (0.0f64, 0.0f64);
+        for (pixel, known) in self.errors.iter_mut().enumerate() {
+            let own = pixel * bands..(pixel + 1) * bands;
+            let light = &self.radiance[own.clone()];
+            let brightest = f64::from(light.iter().fold(0.0f32, |m, v| m.max(*v)));
+            let apart = |other: &Self| {
+                let pairs = light.iter().zip(&other.radiance[own.clone()]);
+                pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+            };
+            let off = others.iter().map(apart).fold(0.0, f32::max);
+            let off = f64::from(off.max(*known)) + cut * brightest;
+            *known = off as f32;
+            error = error.max(off);
+            share = share.max(off / (self.accuracy * self.white.max(brightest)));
+        }
+        self.predicted = Some((error, share));
     }
 }

@@ -1,6 +1,6 @@
 //! Pictures and probes in slabs.
 
-use super::refine::{Ladder, Pieces};
+use super::refine::{Ladder, Pieces, Refined};
 use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::bounds::media_boxes;
 use crate::frame::{Camera, Eye, Params, Slabs, scene_bounds};
@@ -46,8 +46,8 @@ impl Session {
             frame.slabs = Slabs::of_view(&boxes, &eye, camera, count);
             (frame, Pieces { count, size: 1.0 / f64::from(count) })
         };
-        let (drawing, pieces, _) = self.refine(self.slabs(), (params, time), progress, &frame)?;
-        Ok(Drawing { slabs: Some(pieces.count), ..drawing })
+        let Refined { canvas, timing, pieces, .. } = self.refine(self.slabs(), progress, &frame)?;
+        Ok(Drawing { slabs: Some(pieces.count), ..self.drawing(canvas, timing, params, time)? })
     }
 
     pub(super) fn probe_slabs(
@@ -57,10 +57,11 @@ impl Session {
         settings: &ProbeSettings,
     ) -> Result<Vec<RayAnswer>, Trouble> {
         let boxes = media_boxes(&self.program.lowered, &params.0, settings.time);
-        self.refine_probe(self.slabs(), &mut |session, count| {
+        let refined = self.refine_probe(self.slabs(), &mut |session, count| {
             let slabs = Slabs::of_rays(&boxes, rays.len(), count);
             let answers = session.probe_gpu(params, rays, settings, |frame| frame.slabs = slabs)?;
             Ok((answers, Pieces { count, size: 1.0 / f64::from(count) }))
-        })
+        });
+        Ok(refined?.0)
     }
 }

@@ -1,6 +1,6 @@
 //! Pictures and probes of splats.
 
-use super::refine::{Ladder, Pieces};
+use super::refine::{Ladder, Pieces, Refined};
 use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::bounds::media_boxes;
 use crate::frame::{Camera, Lattice, Params, scene_bounds};
@@ -47,15 +47,21 @@ impl Session {
             let pieces = Pieces { count: frame.lattice.len(), size: frame.lattice.spacing };
             (frame, pieces)
         };
-        let (drawing, pieces, spent) = self.refine(self.splats(), (params, time), progress, &frame)?;
-        // What lies beyond the billboards, at most that share of all light.
-        let brightest = f64::from(drawing.picture.radiance().iter().copied().fold(0.0, f32::max));
-        let predicted = drawing.predicted.map(|(error, share)| (error + SPLAT_CUT * brightest, share));
+        let refined = self.refine(self.splats(), progress, &frame)?;
+        let Refined { mut frame, mut canvas, mut timing, pieces, spent } = refined;
+        // Two lattices differ by nothing where a boundary is off by as much in both: what the last leaves open is drawn.
+        let mut ends = vec![];
+        for lean in [1.0, -1.0] {
+            frame.lean = lean;
+            let (end, took) = self.canvas(&frame, &|_| {})?;
+            timing = timing.and(took);
+            ends.push(end);
+        }
+        canvas.enclose(&ends, SPLAT_CUT, self.program.places.len());
         Ok(Drawing {
             splats: Some(pieces.count),
             evaluations: Some(spent * self.program.parts().count() as u64),
-            predicted,
-            ..drawing
+            ..self.drawing(canvas, timing, params, time)?
         })
     }
 
@@ -69,21 +75,37 @@ impl Session {
         let boxes = media_boxes(&self.program.lowered, &params.0, settings.time);
         let mut answers = vec![];
         for ray in rays {
-            let refined = self.refine_probe(self.splats(), &mut |session, count| {
+            let asked = |count: u32| {
                 let lattice = Lattice::around(&boxes, count, ray.1);
                 let pieces = Pieces { count: lattice.len(), size: lattice.spacing };
-                let mut answers = session.probe_gpu(params, std::slice::from_ref(ray), settings, |frame| {
+                (lattice, pieces)
+            };
+            let answer = |session: &mut Self, lattice: Lattice, lean: f64| {
+                session.probe_gpu(params, std::slice::from_ref(ray), settings, |frame| {
                     frame.eye.forward = ray.1;
-                    frame.lattice = lattice;
-                })?;
+                    (frame.lattice, frame.lean) = (lattice, lean);
+                })
+            };
+            let mut last = Lattice::default();
+            let (mut refined, _) = self.refine_probe(self.splats(), &mut |session, count| {
+                let (lattice, pieces) = asked(count);
+                last.clone_from(&lattice);
+                let mut answers = answer(session, lattice, 0.0)?;
                 for answer in &mut answers {
                     // What lies beyond the billboards; the lattice's own error is found from another lattice.
                     answer.error = answer.radiance.iter().map(|l| SPLAT_CUT * l).collect();
                     answer.evaluations = u64::from(pieces.count) * session.program.parts().count() as u64;
                 }
                 Ok((answers, pieces))
-            });
-            answers.extend(refined?);
+            })?;
+            for lean in [1.0, -1.0] {
+                for (answer, end) in refined.iter_mut().zip(answer(self, last.clone(), lean)?) {
+                    for (band, error) in answer.error.iter_mut().enumerate() {
+                        *error = error.max((end.radiance[band] - answer.radiance[band]).abs());
+                    }
+                }
+            }
+            answers.extend(refined);
         }
         Ok(answers)
     }
