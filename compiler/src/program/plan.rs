@@ -1,6 +1,6 @@
 //! The plan: what the runtime binds, fills and dispatches, as plain data.
 
-use crate::ir::{GridId, MeshId, NodeId, TableId};
+use crate::ir::{GridId, MeshId, NodeId, RenderInfo, TableId};
 
 /// Where the rays of a drawing come from.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
@@ -486,6 +486,15 @@ pub enum StepRule {
 }
 
 impl StepRule {
+    /// How a ray is stepped through, all of whose segments may be closed. What options ask for is in `render` already.
+    pub(crate) fn along_rays(render: &RenderInfo, closed: bool) -> Self {
+        match render.steps {
+            _ if closed => Self::Closed,
+            Some(n) => Self::Fixed(n),
+            None => Self::Adaptive(render.accuracy),
+        }
+    }
+
     /// The accuracy that local error control works to, if some part of a drawing has that.
     #[must_use]
     pub fn accuracy(self) -> Option<f64> {

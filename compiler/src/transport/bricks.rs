@@ -108,12 +108,18 @@ pub(super) struct Brick {
     pub(super) exit: Expr,
     /// Way to the end of the empty bricks around; 0 where this one is not empty.
     pub(super) clear: Expr,
+    /// Of what is narrow, if the medium can have anything of that kind.
+    pub(super) narrow: Option<NarrowPart>,
+}
+
+/// What a lattice says about what is narrow.
+pub(super) struct NarrowPart {
     /// Way on which nothing narrow is that is not in this brick.
-    pub(super) quiet: Expr,
+    quiet: Expr,
     /// How fast the arguments change at most that something narrow in this brick depends on; 0 where there is none.
-    pub(super) steep: Expr,
+    steep: Expr,
     /// Steps need be no shorter than this.
-    pub(super) crumb: Expr,
+    crumb: Expr,
 }
 
 impl Tracer<'_> {
@@ -125,12 +131,13 @@ impl Tracer<'_> {
         let name = format!("{}_bounds", matter.name);
         let buffer = self.builder.bounds(number, &name);
         let [low, per_unit, counts] = self.builder.lattice(number, &name);
-        let result = self.builder.add_struct(
-            &format!("{}_brick", matter.name),
-            ["extinction", "source", "exit", "clear", "quiet", "steep", "crumb"]
-                .map(|n| (n.to_owned(), Ty::F32))
-                .into(),
-        );
+        let mut fields = vec!["extinction", "source", "exit", "clear"];
+        let watched = self.watches(number);
+        if watched {
+            fields.extend(["quiet", "steep", "crumb"]);
+        }
+        let fields = fields.into_iter().map(|n| (n.to_owned(), Ty::F32)).collect();
+        let result = self.builder.add_struct(&format!("{}_brick", matter.name), fields);
         let mut code = Code::new(&name, matter.span);
         let p = code.parameter("p", Ty::VEC3);
         let d = code.parameter("d", Ty::VEC3);
@@ -146,7 +153,6 @@ impl Tracer<'_> {
         let extinction = code.bind("extinction", Ty::F32, load(0));
         let source = code.bind("source", Ty::F32, load(1));
         let empty = code.bind("empty", Ty::F32, load(2));
-        let calm = code.bind("calm", Ty::F32, load(3));
         let rate = code.bind("rate", Ty::VEC3, d * per_unit);
         // From the place in the brick to the faces that lie ahead, and the way across a whole brick, along each axis.
         let speed = code.bind("speed", Ty::VEC3, rate.clone().abs().max(Expr::F32(1e-30).splat(3)));
@@ -171,10 +177,13 @@ impl Tracer<'_> {
         let exit = out_of(&mut code, "exit", Expr::F32(1.0)) + nudge.clone();
         let around = out_of(&mut code, "around", empty.clone().max(1.0)) + nudge.clone();
         let clear = empty.greater(0.0).select(around, 0.0);
-        let quiet = out_of(&mut code, "quiet", calm.clone().max(1.0)) + nudge;
-        let steep = (-calm).max(0.0);
-        let crumb = across * CRUMB;
-        code.return_(Expr::Compose(result, vec![extinction, source, exit, clear, quiet, steep, crumb]));
+        let mut values = vec![extinction, source, exit, clear];
+        if watched {
+            let calm = code.bind("calm", Ty::F32, load(3));
+            let quiet = out_of(&mut code, "quiet", calm.clone().max(1.0)) + nudge;
+            values.extend([quiet, (-calm).max(0.0), across * CRUMB]);
+        }
+        code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
         self.bricks.push((number, function));
         function
@@ -188,15 +197,13 @@ impl Tracer<'_> {
         let value = Expr::Call(function, vec![p.clone(), d.clone()]);
         let value = code.bind(&format!("brick_of_{}", medium.matter.name), result, value);
         let field = |i: u32| value.clone().field(i);
-        Some(Brick {
-            extinction: field(0),
-            source: field(1),
-            exit: field(2),
-            clear: field(3),
-            quiet: field(4),
-            steep: field(5),
-            crumb: field(6),
-        })
+        let narrow = self.watches(number).then(|| NarrowPart { quiet: field(4), steep: field(5), crumb: field(6) });
+        Some(Brick { extinction: field(0), source: field(1), exit: field(2), clear: field(3), narrow })
+    }
+
+    /// Whether something narrow may be in the medium of these bounds.
+    fn watches(&self, number: u32) -> bool {
+        !self.scene.bounds[number as usize].narrow.is_empty()
     }
 
     /// Whether some of these media have bounds, and nothing else is always there beside them.
@@ -225,20 +232,23 @@ impl Tracer<'_> {
 
     /// Longest step from a place on a ray that misses nothing narrow. As in sphere tracing, no band of an argument's values is
     /// met before the argument can have come there, and none is crossed in less than it takes the argument to cross it.
-    pub(super) fn longest_here(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Expr {
+    pub(super) fn longest_here(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Option<Expr> {
+        if !media.iter().any(|m| m.matter.bounds.is_some_and(|b| self.watches(b))) {
+            return None;
+        }
         let p = code.bind("p_narrow", Ty::VEC3, ray.at(t.clone()));
-        self.least_of(code, media, "longest_here", &mut |this, code, medium| {
-            let number = medium.matter.bounds.filter(|b| !this.scene.bounds[*b as usize].narrow.is_empty())?;
-            let brick = this.brick(code, medium, &p, &ray.direction)?;
-            let longest = code.var("narrow_step", Ty::F32, brick.quiet);
+        Some(self.least_of(code, media, "longest_here", &mut |this, code, medium| {
+            let number = medium.matter.bounds.filter(|b| this.watches(*b))?;
+            let NarrowPart { quiet, steep, crumb } = this.brick(code, medium, &p, &ray.direction)?.narrow?;
+            let longest = code.var("narrow_step", Ty::F32, quiet);
             code.open();
             let change = this.free_change(code, ray, medium, number, t);
-            let step = (change / brick.steep.clone()).max(brick.crumb);
+            let step = (change / steep.clone()).max(crumb);
             code.set(longest, Expr::Local(longest).min(step));
             let block = code.close();
-            code.push_if(brick.steep.greater(0.0), block);
+            code.push_if(steep.greater(0.0), block);
             Some(longest.into())
-        })
+        }))
     }
 
     /// How far the arguments may change from what they are at t before one has met, or crossed, a band of narrow values.

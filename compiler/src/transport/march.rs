@@ -172,7 +172,9 @@ impl Tracer<'_> {
         let (ray, a) = (&segment.ray, &segment.a);
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
         let accuracy = self.builder.frame(FrameValue::Accuracy);
-        let white = self.builder.frame(FrameValue::White);
+        // A column alone is compared with no white.
+        let column = matches!(self.walk, Walk::Shadow { .. });
+        let white = if column { Expr::F32(1.0) } else { self.builder.frame(FrameValue::White) };
         let cap = self.builder.frame(FrameValue::MaxWork);
         let cap = if self.cache.is_some() { cap.min(super::cache::MOST_LOOKS) } else { cap };
         let longest = self.longest_step(code, media, length, segment.part.then_some(reach));
@@ -192,7 +194,7 @@ impl Tracer<'_> {
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
         let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
-        let narrow = self.narrow(code, media, ray, &from);
+        let narrow = self.longest_here(code, ray, media, &from);
         // A step ends where a field jumps, and before it passes what samples might miss.
         let jump = jumps.iter().map(|j| j.distance(code, &from)).chain(narrow).reduce(Expr::min);
         let ahead = jump.map(|jump| code.bind("to_jump", Ty::F32, jump.max(shortest.clone())));
@@ -235,6 +237,9 @@ impl Tracer<'_> {
         let blur = code.bind("blur", Ty::F32, place.min(half.clone()));
         let thinner = x.clone().zip(x_whole.clone()).map(|(a, b)| a.min(b));
         let thinner = thinner.map(|x| code.bind("thinner", Ty::float(dw), x));
+        let glows = light_whole.is_some() || nodes.source_error().is_some();
+        let mean = thinner.clone().filter(|_| glows).map(|x| self.attenuated(code, x, dw));
+        let mean = mean.map(|m| code.bind("mean", Ty::float(dw), m));
         // Excess over a share of what is allowed, and the same as a part of all that is.
         let mut wrong: Vec<Expr> = vec![];
         let mut cost: Vec<Expr> = vec![];
@@ -245,8 +250,8 @@ impl Tracer<'_> {
         let mut light_gain = None;
         if let (Some(whole), Some(first), Some(second)) = (light_whole, light_first, light_second) {
             let noise = widen(nodes.source_swing() * blur.clone().splat(self.source_width()), self.source_width(), lw);
-            let noise = match &thinner {
-                Some(x) => noise * widen(self.attenuated(code, x.clone(), dw), dw, lw),
+            let noise = match &mean {
+                Some(mean) => noise * widen(mean.clone(), dw, lw),
                 None => noise,
             };
             let behind = match &x_first {
@@ -258,8 +263,8 @@ impl Tracer<'_> {
             let gain = code.bind("gain", Ty::float(lw), weight.clone() * both.clone());
             let noise = largest(weight.clone() * noise, lw);
             let off = (both.clone() - whole).abs();
-            let off = match (&thinner, nodes.front()) {
-                (Some(x), Some(front)) => off.max(self.hidden_front(code, x, front, both)),
+            let off = match (&thinner, &mean, nodes.front()) {
+                (Some(x), Some(mean), Some(front)) => off.max(self.hidden_front((x, mean), front, both)),
                 _ => off,
             };
             let off = code.bind("light_error", Ty::F32, largest(weight * off, lw));
@@ -320,11 +325,8 @@ impl Tracer<'_> {
         if let (Some(error), Some(off)) = (state.error, nodes.source_error()) {
             let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
             // What is deep in a step cannot be seen.
-            let seen = match &thinner {
-                Some(x) => {
-                    let mean = self.attenuated(code, x.clone(), dw);
-                    seen * largest(mean, dw)
-                }
+            let seen = match mean {
+                Some(mean) => seen * largest(mean, dw),
                 None => seen,
             };
             pending.push((error, seen * off * step.clone()));
@@ -423,11 +425,10 @@ impl Tracer<'_> {
     /// What a step too thick to be seen through may be wrong by. Its light comes from where it begins, which means over the step
     /// and over its halves weigh alike: light that reaches no deeper than a skin, say. There the source function k_e/k_t of the
     /// first sample decides; where nothing is, nothing is known of it.
-    fn hidden_front(&mut self, code: &mut Code, x: &Expr, (source, extinction): (Expr, Expr), light: Expr) -> Expr {
+    fn hidden_front(&self, (x, mean): (&Expr, &Expr), (source, extinction): (Expr, Expr), light: Expr) -> Expr {
         let (dw, ew, lw) = (self.scene.depth_width, self.source_width(), self.scene.light_width);
         let one = || Expr::F32(1.0).splat(dw);
-        let mean = self.attenuated(code, x.clone(), dw);
-        let thick = (one() - mean * Expr::F32(2.0).splat(dw)).max(Expr::F32(0.0).splat(dw));
+        let thick = (one() - mean.clone() * Expr::F32(2.0).splat(dw)).max(Expr::F32(0.0).splat(dw));
         let stopped = (one() - (-x.clone()).exp()) / extinction.max(Expr::F32(1e-30).splat(dw));
         let front = (widen(source, ew, lw) * widen(stopped, dw, lw)).min(Expr::F32(1e30).splat(lw));
         (front - light).abs() * widen(thick, dw, lw)
@@ -471,13 +472,6 @@ impl Tracer<'_> {
             let bricked = self.bricked(media);
             code.push_if(bricked, leap);
         }
-    }
-
-    /// The longest step from here, where something narrow may be missed.
-    fn narrow(&mut self, code: &mut Code, media: &[Medium<'_>], ray: &Ray, from: &Expr) -> Option<Expr> {
-        let watched =
-            |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| !self.scene.bounds[b as usize].narrow.is_empty());
-        media.iter().any(watched).then(|| self.longest_here(code, ray, media, from))
     }
 
     /// The planes on which some coefficient jumps, and those nearest to a lamp, as functions of the distance along this ray.

@@ -13,15 +13,22 @@ const NODES: u32 = 5;
 /// A quantity that is sampled across a step.
 struct Followed {
     width: u8,
-    /// Means over the step, and over its halves.
-    whole: LocalId,
+    /// Means over the halves of the step.
     first: LocalId,
     second: LocalId,
-    /// By how much samples differ from those before them, in all.
-    swing: LocalId,
     latest: LocalId,
     /// At the beginning of the step.
     start: LocalId,
+    /// Of what steers the step.
+    steering: Option<Steering>,
+}
+
+/// What the halves are compared with.
+struct Steering {
+    /// The mean over the step.
+    whole: LocalId,
+    /// By how much samples differ from those before them, in all.
+    swing: LocalId,
 }
 
 /// What the samples of a step found.
@@ -34,11 +41,11 @@ pub(super) struct Nodes {
 }
 
 impl Followed {
-    fn declare(code: &mut Code, name: &str, width: u8) -> Self {
+    fn declare(code: &mut Code, name: &str, width: u8, steers: bool) -> Self {
         let ty = Ty::float(width);
         let mut var = |what: &str| code.var(&format!("{name}_{what}"), ty, Expr::F32(0.0).splat(width));
-        let (whole, first, second) = (var("whole"), var("first"), var("second"));
-        Self { width, whole, first, second, swing: var("swing"), latest: var("latest"), start: var("start") }
+        let steering = steers.then(|| Steering { whole: var("whole"), swing: var("swing") });
+        Self { width, first: var("first"), second: var("second"), latest: var("latest"), start: var("start"), steering }
     }
 
     fn splat(&self, value: Expr) -> Expr {
@@ -49,21 +56,24 @@ impl Followed {
     fn begin(&self, code: &mut Code, fresh: &Expr) {
         let known = fresh.clone().select(0.0, 1.0 / 6.0);
         let known = self.splat(known) * Expr::Local(self.start);
-        code.set(self.whole, known.clone());
+        if let Some(Steering { whole, swing }) = self.steering {
+            code.set(whole, known.clone());
+            code.set(swing, self.splat(Expr::F32(0.0)));
+        }
         code.set(self.first, known);
         code.set(self.second, self.splat(Expr::F32(0.0)));
-        code.set(self.swing, self.splat(Expr::F32(0.0)));
         code.set(self.latest, self.start);
     }
 
     fn add(&self, code: &mut Code, value: Expr, weights: &Weights) {
-        for (sum, weight) in
-            [(self.whole, &weights.whole), (self.first, &weights.first), (self.second, &weights.second)]
-        {
+        if let Some(Steering { whole, swing }) = self.steering {
+            code.add(whole, value.clone() * self.splat(weights.whole.clone()));
+            let change = (value.clone() - Expr::Local(self.latest)).abs();
+            code.add(swing, change * self.splat(weights.later.clone()));
+        }
+        for (sum, weight) in [(self.first, &weights.first), (self.second, &weights.second)] {
             code.add(sum, value.clone() * self.splat(weight.clone()));
         }
-        let change = (value.clone() - Expr::Local(self.latest)).abs();
-        code.add(self.swing, change * self.splat(weights.later.clone()));
         code.set(self.latest, value.clone());
         let start = weights.later.clone().greater(0.0).select(self.start, value);
         code.set(self.start, start);
@@ -79,24 +89,24 @@ struct Weights {
 }
 
 impl Nodes {
-    fn of(&self, mean: impl Fn(&Followed) -> LocalId) -> Sampled {
-        let value = |f: &Option<Followed>| f.as_ref().map(|f| mean(f).into());
-        Sampled { extinction: value(&self.extinction), source: value(&self.source), source_error: value(&self.error) }
+    fn of(&self, mean: impl Fn(&Followed) -> Option<LocalId>) -> Sampled {
+        let value = |f: &Option<Followed>| f.as_ref().and_then(&mean).map(Expr::Local);
+        Sampled { extinction: value(&self.extinction), source: value(&self.source), source_error: None }
     }
 
     /// Means over the step.
     pub(super) fn whole(&self) -> Sampled {
-        self.of(|f| f.whole)
+        self.of(|f| f.steering.as_ref().map(|s| s.whole))
     }
 
     /// Means over its first half.
     pub(super) fn first(&self) -> Sampled {
-        self.of(|f| f.first)
+        self.of(|f| Some(f.first))
     }
 
     /// Means over its second half.
     pub(super) fn second(&self) -> Sampled {
-        self.of(|f| f.second)
+        self.of(|f| Some(f.second))
     }
 
     /// Source and extinction where the step begins.
@@ -107,12 +117,16 @@ impl Nodes {
 
     /// By how much extinction changes across the step, back and forth.
     pub(super) fn extinction_swing(&self) -> Expr {
-        self.extinction.as_ref().map_or(Expr::F32(0.0), |f| f.swing.into())
+        Self::swing(self.extinction.as_ref())
     }
 
     /// By how much the source changes across the step, back and forth.
     pub(super) fn source_swing(&self) -> Expr {
-        self.source.as_ref().map_or(Expr::F32(0.0), |f| f.swing.into())
+        Self::swing(self.source.as_ref())
+    }
+
+    fn swing(of: Option<&Followed>) -> Expr {
+        of.and_then(|f| f.steering.as_ref()).map_or(Expr::F32(0.0), |s| s.swing.into())
     }
 
     /// The mean of what the source may be wrong by, if that is known.
@@ -134,9 +148,10 @@ impl Tracer<'_> {
         let told = lit.is_some_and(|l| l.error.is_some()) && state.error.is_some();
         Nodes {
             fresh: code.var("fresh", Ty::BOOL, true),
-            extinction: attenuates.then(|| Followed::declare(code, "k_t", self.scene.depth_width)),
-            source: (glows && state.radiance.is_some()).then(|| Followed::declare(code, "source", self.source_width())),
-            error: told.then(|| Followed::declare(code, "source_error", 1)),
+            extinction: attenuates.then(|| Followed::declare(code, "k_t", self.scene.depth_width, true)),
+            source: (glows && state.radiance.is_some())
+                .then(|| Followed::declare(code, "source", self.source_width(), true)),
+            error: told.then(|| Followed::declare(code, "source_error", 1, false)),
         }
     }
 

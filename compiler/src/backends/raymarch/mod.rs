@@ -22,15 +22,9 @@ pub(super) fn build(
     if diagnostics.has_errors() {
         return None;
     }
-    let steps = options.steps.or(if options.accuracy.is_some() { None } else { scene.render.steps });
-    let accuracy = options.accuracy.unwrap_or(scene.render.accuracy);
     let many = seen.is_multiple(scene);
-    let rule = match steps {
-        _ if many => StepRule::Paths(scene.render.samples),
-        _ if seen.closed => StepRule::Closed,
-        Some(n) => StepRule::Fixed(n),
-        None => StepRule::Adaptive(accuracy),
-    };
+    let rule =
+        if many { StepRule::Paths(scene.render.samples) } else { StepRule::along_rays(&scene.render, seen.closed) };
     if seen.closed && scene.render.composite == Composite::Radiance {
         ledger.omit("loop over steps", "every coefficient has a closed form along a ray", None);
     }

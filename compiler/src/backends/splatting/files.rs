@@ -40,12 +40,7 @@ pub(super) fn build(
     if diagnostics.has_errors() {
         return None;
     }
-    let steps = options.steps.or(if options.accuracy.is_some() { None } else { scene.render.steps });
-    let rule = match steps {
-        _ if seen.closed => StepRule::Closed,
-        Some(n) => StepRule::Fixed(n),
-        None => StepRule::Adaptive(options.accuracy.unwrap_or(scene.render.accuracy)),
-    };
+    let rule = StepRule::along_rays(&scene.render, seen.closed);
     if seen.closed {
         ledger.omit("loop over steps", "every coefficient has a closed form along a ray", None);
     }
