@@ -47,6 +47,16 @@ pub(crate) fn bounded_media(scene: &FieldScene, params: &[Vec<f64>], time: f64) 
     balls.reduce(Ball::with).filter(|b| b.radius > 0.0 && b.radius.is_finite())
 }
 
+/// Centres and radii of the shells over which altitudes are measured, in the scene's units.
+#[must_use]
+pub(crate) fn shells(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Vec<(Vec3, f64)> {
+    let of = |(center, radius): &(NodeId, NodeId)| {
+        let v = evaluate_frame(&scene.graph, &[*center, *radius], params, time);
+        (three(&v[0]), v[1][0])
+    };
+    scene.shells.iter().map(of).collect()
+}
+
 type Evaluate<'a> = dyn Fn(&[NodeId]) -> Vec<Vec<f64>> + 'a;
 
 fn shape(s: &Shape, of: &Evaluate<'_>) -> Option<Ball> {

@@ -6,6 +6,7 @@
 //! machine.
 
 use super::Vec3;
+use super::bounds::shells;
 use super::extremes::Grids;
 use super::vector::length;
 use crate::engine::reference::bounding_box;
@@ -266,14 +267,9 @@ impl Fields {
             let all = lipschitz_of(graph, &known, &[]);
             bounds.narrow.iter().map(|n| all[n.argument.0 as usize]).collect()
         };
+        let shells = shells(scene, params, time);
         let params: Vec<Vec<Interval>> =
             params.iter().map(|v| v.iter().map(|x| Interval::point(*x)).collect()).collect();
-        let shells = scene.shells.iter().map(|(center, inner)| {
-            let numbers: Vec<Vec<f64>> = params.iter().map(|v| v.iter().map(|i| i.low).collect()).collect();
-            let v = evaluate_frame(graph, &[*center, *inner], &numbers, time);
-            (std::array::from_fn(|i| v[0][i.min(v[0].len() - 1)]), v[1][0])
-        });
-        let shells = shells.collect();
         let time = Interval::point(time);
         let tables = TableBounds::new(graph, &params, time);
         Self { code: Enclosure::new(graph, &roots), tables, params, time, shells, extinction, source, narrow, steepest }

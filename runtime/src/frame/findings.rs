@@ -70,7 +70,8 @@ fn negative(scene: &FieldScene, found: &Survey, out: &mut Diagnostics) {
         let (Some(least), true) = (least, count > 0) else { continue };
         let (value, place) = (least.value / metre, point(least.place, metre));
         let places = found.places;
-        let message = format!("`{field}` of medium `{name}` is negative: {value:.4} /m at {place}");
+        let unit = if *field == "k_e" { "lx/m" } else { "/m" };
+        let message = format!("`{field}` of medium `{name}` is negative: {value:.4} {unit} at {place}");
         let diagnostic = Diagnostic::warning("W0680", message)
             .note(format!("so it is at {count} of the {places} places that were looked at"))
             .hint(format!("clamp it: `{field} = max(0, …)`"));

@@ -25,8 +25,8 @@ mod tests;
 mod values;
 pub(crate) mod vector;
 
-pub(crate) use bounds::bounded_media;
 pub use bounds::{Ball, scene_bounds};
+pub(crate) use bounds::{bounded_media, shells};
 pub use bricks::{Bricks, Nothing};
 pub use camera::{Camera, View};
 pub use extremes::Grids;

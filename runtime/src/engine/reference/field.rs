@@ -10,7 +10,7 @@ use super::shape::{self, AltitudeRay, Solid};
 use super::surface::{self, SurfaceField};
 use super::trace::BANDS;
 use crate::frame::vector::{Vec3, along};
-use crate::frame::{Placed, placed};
+use crate::frame::{Placed, placed, shells};
 use compiler::diagnostic::Diagnostic;
 use compiler::ir::derive::gradient;
 use compiler::ir::eval::{Environment, Scratch, Tables, Tape, Voxels, evaluate_with};
@@ -254,11 +254,7 @@ impl Fields {
                 }),
             });
         }
-        let shells = scene.shells.iter().map(|(center, radius)| {
-            let values = frame(&[*center, *radius]);
-            (std::array::from_fn(|c| values[0][c.min(values[0].len() - 1)]), values[1][0])
-        });
-        let shells = shells.collect();
+        let shells = shells(scene, params, time);
         let named = scene.graph.origin(scene.background).name.as_deref().and_then(|n| n.strip_suffix(".environment"));
         let mut all = Self {
             media,

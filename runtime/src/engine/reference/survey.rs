@@ -3,6 +3,7 @@
 use super::field::Ray;
 use super::interval::Intervals;
 use super::shape;
+use crate::frame::shells;
 use crate::frame::vector::{Vec3, along, length, scale, sub};
 use compiler::ir::eval::{Environment, LANES, Tables, Tape, Voxels, evaluate_frame};
 use compiler::ir::{FieldScene, NodeId};
@@ -59,14 +60,7 @@ pub fn survey<V: Voxels + ?Sized>(
 ) -> Vec<Survey> {
     let graph = &scene.graph;
     let mut value = |node: NodeId| evaluate_frame(graph, &[node], params, time).remove(0);
-    let shells: Vec<(Vec3, f64)> = scene
-        .shells
-        .iter()
-        .map(|(center, inner)| {
-            let center = value(*center);
-            (std::array::from_fn(|i| center[i.min(center.len() - 1)]), value(*inner)[0])
-        })
-        .collect();
+    let shells = shells(scene, params, time);
     let tables = Tables::evaluate(graph, params, time);
     let mut out = vec![];
     for (number, medium) in scene.media.iter().enumerate().filter(|(i, _)| !skip(*i)) {
@@ -174,7 +168,6 @@ pub fn survey<V: Voxels + ?Sized>(
     out
 }
 
-/// The box around a survey's matter, as a share of the volume of the shape's.
 impl Survey {
     /// Share of the box around the shape that the box around its matter fills, in 0 … 1; 0 without matter.
     #[must_use]
@@ -184,7 +177,7 @@ impl Survey {
         (0..3).map(|c| ((high[c] - low[c]) / (b[c] - a[c]).max(1e-300)).min(1.0)).product()
     }
 
-    /// The same box with the room that places between those looked at need, in metres.
+    /// The box around its matter with the room that places between those looked at need, in metres.
     #[must_use]
     pub fn suggested(&self, metre: f64) -> Option<[Vec3; 2]> {
         let [low, high] = self.matter?;
