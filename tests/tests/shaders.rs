@@ -224,6 +224,24 @@ fn a_uniform_gray_scene_is_scalar_and_has_no_loop() {
 }
 
 #[test]
+fn what_media_of_one_place_share_is_worked_out_once() {
+    let two = |second: &str| {
+        wgsl(&format!(
+            "use std::noise::fbm\n\
+             fn lumps(q: vec3) -> number = clamp(fbm(q / 0.3, octaves: 2), 0, 1)\n\
+             medium smoke {{ shape = sphere(center: (0, 0, 0) m, radius: 1 m)  k_a = 2 /m * lumps(p / 1 m) }}\n\
+             medium fire {{ shape = sphere(center: (0, 0, 0) m, radius: {second})  k_e = 3 lx/m * lumps(p / 1 m)^2 }}\n\
+             camera {{ from = (0, 0, -4) m  to = (0, 0, 0) m }}"
+        ))
+    };
+    let hashes = |code: &str| code.matches("= cell_hash(").count();
+    let (together, apart) = (two("1 m"), two("0.9 m"));
+    assert!(together.contains("fn smoke_and_fire_at("), "{together}");
+    assert!(apart.contains("fn smoke_at(") && apart.contains("fn fire_at("), "{apart}");
+    assert_eq!(2 * hashes(&together), hashes(&apart));
+}
+
+#[test]
 fn fog_is_its_closed_form() {
     let code = wgsl(
         "fog { k = 0.05 /m  color = #c8d0d8  height = 200 m }\nimage { aa = none  size = 64 x 64 }\ncamera { from = (0,1,0) m  to = (0,1,1) m }",

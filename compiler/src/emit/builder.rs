@@ -154,6 +154,49 @@ pub(super) struct Body {
     open: Option<usize>,
     literals: FxHashMap<(ScalarKind, u32), Handle<Expression>>,
     extents: Vec<Extent>,
+    /// The values of this statement, by what they are made of, and those of them that were asked for again.
+    values: FxHashMap<Value, Handle<Expression>>,
+    shared: Vec<Handle<Expression>>,
+}
+
+/// An operation and its operands, by number.
+#[derive(PartialEq, Eq, Hash)]
+struct Value(u8, [u32; 4]);
+
+impl Value {
+    /// Equal for expressions that are the same; `None` for what memory holds, and for what stands for itself.
+    fn of(expression: &Expression) -> Option<Self> {
+        let at = |e: Handle<Expression>| e.index() as u32;
+        let maybe = |e: Option<Handle<Expression>>| e.map_or(u32::MAX, at);
+        Some(match *expression {
+            Expression::Unary { op, expr } => Self(0, [op as u32, at(expr), 0, 0]),
+            Expression::Binary { op, left, right } => Self(1, [op as u32, at(left), at(right), 0]),
+            Expression::Math { fun, arg, arg1, arg2, arg3: None } => {
+                Self(2, [fun as u32, at(arg), maybe(arg1), maybe(arg2)])
+            }
+            Expression::Splat { size, value } => Self(3, [size as u32, at(value), 0, 0]),
+            Expression::Select { condition, accept, reject } => Self(4, [at(condition), at(accept), at(reject), 0]),
+            Expression::As { expr, kind, convert } => {
+                Self(5, [at(expr), kind as u32, convert.map_or(u32::MAX, u32::from), 0])
+            }
+            Expression::Compose { ty, ref components } if components.len() <= 3 => {
+                let mut parts = [ty.index() as u32, u32::MAX, u32::MAX, u32::MAX];
+                parts[1..].iter_mut().zip(components).for_each(|(part, c)| *part = at(*c));
+                Self(6, parts)
+            }
+            Expression::AccessIndex { base, index } => Self(7, [at(base), index, 0, 0]),
+            _ => return None,
+        })
+    }
+
+    /// The same for a call, if it has few arguments.
+    fn of_call(function: Handle<naga::Function>, arguments: &[Handle<Expression>]) -> Option<Self> {
+        let mut parts = [function.index() as u32, u32::MAX, u32::MAX, u32::MAX];
+        (arguments.len() <= 3).then(|| {
+            parts[1..].iter_mut().zip(arguments).for_each(|(part, a)| *part = a.index() as u32);
+            Self(8, parts)
+        })
+    }
 }
 
 impl Body {
@@ -174,8 +217,70 @@ impl Body {
         self.function
     }
 
-    /// Adds an expression; `parts` are its operands.
+    /// Begins a statement: values made before may hold no longer.
+    pub(super) fn begin(&mut self) {
+        self.values.clear();
+        self.shared.clear();
+    }
+
+    /// Where a value is about to be made, for [`Body::made`].
+    pub(super) fn mark(&self) -> (usize, usize) {
+        (self.function.expressions.len(), self.shared.len())
+    }
+
+    /// Notes a value that was there already. What it is made of was found again on the way, but is not used again.
+    pub(super) fn made(&mut self, (there, shared): (usize, usize), value: Handle<Expression>) {
+        if value.index() < there {
+            self.shared.truncate(shared);
+            self.shared.push(value);
+        }
+    }
+
+    /// The values that this statement uses more than once and that need a name. Components are written out each time.
+    pub(super) fn shared(&mut self) -> Vec<Handle<Expression>> {
+        let mut shared = std::mem::take(&mut self.shared);
+        shared.sort_unstable_by_key(|e| e.index());
+        shared.dedup();
+        let component = |e: &Handle<_>| matches!(self.function.expressions[*e], Expression::AccessIndex { .. });
+        shared.retain(|e| self.can_name(*e) && !component(e));
+        shared
+    }
+
+    /// Adds an expression, or finds it in the same statement; `parts` are its operands.
     pub(super) fn add(&mut self, expression: Expression, parts: &[Handle<Expression>]) -> Handle<Expression> {
+        let value = Value::of(&expression);
+        if let Some(known) = value.as_ref().and_then(|v| self.values.get(v)) {
+            return *known;
+        }
+        let handle = self.append(expression, parts);
+        if let Some(value) = value {
+            self.values.insert(value, handle);
+        }
+        handle
+    }
+
+    /// The result of the same call in the same statement.
+    pub(super) fn known_call(
+        &self,
+        function: Handle<naga::Function>,
+        arguments: &[Handle<Expression>],
+    ) -> Option<Handle<Expression>> {
+        self.values.get(&Value::of_call(function, arguments)?).copied()
+    }
+
+    /// Notes the result of a call. Functions of kernels write nothing: called again, they give the same.
+    pub(super) fn called(
+        &mut self,
+        function: Handle<naga::Function>,
+        arguments: &[Handle<Expression>],
+        result: Handle<Expression>,
+    ) {
+        if let Some(value) = Value::of_call(function, arguments) {
+            self.values.insert(value, result);
+        }
+    }
+
+    fn append(&mut self, expression: Expression, parts: &[Handle<Expression>]) -> Handle<Expression> {
         // Literals, globals and the like stand for themselves, and a call's result comes from its statement.
         let emitted = !(expression.needs_pre_emit() || matches!(expression, Expression::CallResult(_)));
         if !emitted {

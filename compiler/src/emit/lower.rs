@@ -278,6 +278,7 @@ impl FunctionLowering<'_, '_> {
     }
 
     fn stmt(&mut self, stmt: &Stmt) -> Result<(), EmitError> {
+        self.body.begin();
         match stmt {
             Stmt::Let(id, value) => {
                 let local = &self.f.locals[id.0 as usize];
@@ -307,6 +308,7 @@ impl FunctionLowering<'_, '_> {
             }
             Stmt::If(condition, accept, reject) => {
                 let condition = self.expr(condition)?;
+                self.name_shared();
                 let before = self.loads.clone();
                 let accept_block = self.nested(accept)?;
                 // The other branch starts from what was known before the first.
@@ -336,7 +338,16 @@ impl FunctionLowering<'_, '_> {
                 self.body.push(Statement::Store { pointer, value });
             }
         }
+        self.name_shared();
         Ok(())
+    }
+
+    /// Names what the statement uses more than once: naga's writers would call it `_e7`.
+    fn name_shared(&mut self) {
+        for value in self.body.shared() {
+            let name = self.of.names.unique("part");
+            self.body.name(value, name);
+        }
     }
 
     /// The value of a `let`, bound to its name.
@@ -348,7 +359,7 @@ impl FunctionLowering<'_, '_> {
                 let constant = constant(&mut self.of.module, name, literal);
                 Ok(self.body.add(Expression::Constant(constant), &[]))
             }
-            Expr::Call(id, arguments) => self.call(*id, arguments, name),
+            Expr::Call(id, arguments) => self.call(*id, arguments, Some(name)),
             // A `let` of its own even if the value was read before.
             Expr::Local(id) => match self.slots[id.0 as usize] {
                 Slot::Variable(pointer) => Ok(self.load(pointer, name)),
@@ -393,7 +404,9 @@ impl FunctionLowering<'_, '_> {
 
     /// The value of an expression; a long one gets a name of its own.
     fn expr(&mut self, e: &Expr) -> Result<Handle<Expression>, EmitError> {
+        let mark = self.body.mark();
         let handle = self.build(e)?;
+        self.body.made(mark, handle);
         if self.body.is_long(handle) && self.body.can_name(handle) {
             let name = self.of.names.unique("part");
             self.body.name(handle, name);
@@ -470,10 +483,7 @@ impl FunctionLowering<'_, '_> {
                 let expr = self.bits(*prim, a)?;
                 self.body.add(Expression::As { expr, kind: kind(*prim), convert: None }, &[expr])
             }
-            Expr::Call(id, arguments) => {
-                let name = self.of.names.unique(&self.of.kernel.functions[id.0 as usize].name);
-                self.call(*id, arguments, name)?
-            }
+            Expr::Call(id, arguments) => self.call(*id, arguments, None)?,
             Expr::TextureLoad(texture, at) => {
                 let handle = self.texture_load(*texture, at)?;
                 let name = self.of.names.unique("texel");
@@ -595,11 +605,22 @@ impl FunctionLowering<'_, '_> {
         handle
     }
 
-    fn call(&mut self, id: FunctionId, arguments: &[Expr], name: String) -> Result<Handle<Expression>, EmitError> {
+    /// A call; without a name, one that the statement has made already will do.
+    fn call(
+        &mut self,
+        id: FunctionId,
+        arguments: &[Expr],
+        name: Option<String>,
+    ) -> Result<Handle<Expression>, EmitError> {
         let arguments = self.exprs(arguments)?;
         let function = self.of.functions[id.0 as usize].expect("a function that is called is reached");
+        if let Some(known) = self.body.known_call(function, &arguments).filter(|_| name.is_none()) {
+            return Ok(known);
+        }
+        let name = name.unwrap_or_else(|| self.of.names.unique(&self.of.kernel.functions[id.0 as usize].name));
         let result = self.body.add(Expression::CallResult(function), &arguments);
         self.body.bound(result);
+        self.body.called(function, &arguments, result);
         self.body.push(Statement::Call { function, arguments, result: Some(result) });
         self.of.calls.push(CallName { function: self.name.clone(), number: result.index(), name });
         Ok(result)

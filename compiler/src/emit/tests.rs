@@ -126,7 +126,7 @@ fn march() -> Kernel {
     let mut density = Writer::new("плотность", &[("p", Ty::VEC3)], Some(Ty::F32));
     let p = Expr::Argument(0);
     let at = density.bind("cell", IVEC3, Expr::math(Math::Floor, [p.clone()]).convert(Prim::I32));
-    let texel = Expr::TextureLoad(3, Box::new(at));
+    let texel = Expr::texture_load(3, at);
     let value = density.traced("voxel", Ty::F32, texel.component(0).convert(Prim::F32), 30, 40);
     let r = density.traced("r²", Ty::F32, p.clone().dot(p), 50, 60);
     density.f.body.push(Stmt::Return(Some(value * (-r).exp())));
@@ -142,7 +142,7 @@ fn march() -> Kernel {
         Ty::U32,
         Expr::binary(BinaryOp::Add, Expr::binary(BinaryOp::Mul, component(id.clone(), 1), width), component(id, 0)),
     );
-    let ray = e.bind("ray", Ty::float(4), Expr::Load(2, Box::new(index.clone())));
+    let ray = e.bind("ray", Ty::float(4), Expr::load(2, index.clone()));
     let limit = e.bind("limit", Ty::F32, 100.0.into());
     let t = e.variable("t", Ty::F32, component(ray.clone(), 3));
     let tau = e.variable("τ", Ty::F32, 0.0.into());
@@ -286,8 +286,8 @@ fn everything() -> Kernel {
     e.bind("chosen", Ty::I32, c.clone().select(i.clone(), Expr::I32(2)));
     for (texture, ty) in [(3, Prim::U32), (4, Prim::I32), (5, Prim::F32)] {
         let at = Expr::GlobalId.convert(Prim::I32);
-        e.bind("texel", Ty::Value(ty, 4), Expr::TextureLoad(texture, Box::new(at.clone())));
-        e.bind("texel", Ty::Value(ty, 1), component(Expr::TextureLoad(texture, Box::new(at)), 1));
+        e.bind("texel", Ty::Value(ty, 4), Expr::texture_load(texture, at.clone()));
+        e.bind("texel", Ty::Value(ty, 1), component(Expr::texture_load(texture, at), 1));
     }
     let found = e.bind("hit", hit, Expr::Call(FunctionId(0), vec![x.clone(), 4.0.into()]));
     e.bind("distance", Ty::F32, found.clone().field(0));
@@ -303,7 +303,7 @@ fn everything() -> Kernel {
     let sum = e.bind("sum", Ty::U32, calls);
     let vec = Ty::Value(Prim::Bool, 2);
     e.bind("flags", vec, Expr::Compose(vec, vec![c.clone(), !c.clone()]));
-    let old = Expr::Load(1, Box::new(sum.clone())) + component(Expr::Load(2, Box::new(u)), 2);
+    let old = Expr::load(1, sum.clone()) + component(Expr::load(2, u), 2);
     e.f.body.push(Stmt::Store { buffer: 1, index: sum, value: old });
     e.f.body.push(Stmt::If(c, vec![], vec![Stmt::Return(None)]));
     let mut k = kernel(e.f);
@@ -345,7 +345,7 @@ fn corners_and_pixels_in_every_target() {
     };
 
     let mut outline = Writer::new("outline", &[], Some(corner));
-    let at = Expr::Load(2, Box::new(Expr::VertexIndex + Expr::InstanceIndex));
+    let at = Expr::load(2, Expr::VertexIndex + Expr::InstanceIndex);
     let at = outline.bind("at", Ty::float(4), at);
     let shade = Expr::Compose(Ty::float(2), vec![component(at.clone(), 0), component(at.clone(), 1)]);
     let value = Expr::Compose(corner, vec![at, Expr::InstanceIndex, shade]);

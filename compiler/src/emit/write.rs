@@ -132,7 +132,8 @@ impl Shader {
     }
 }
 
-/// Puts names for the `_e7` that stand for the results of calls. The texts are naga's: identifiers, braces, no comments.
+/// Puts names for the `_e7` that stand for the results of calls. The texts are naga's: no comments, and only what stands outside of
+/// functions begins at the edge.
 fn name_calls(text: &str, calls: &[CallName], entry: &str) -> String {
     let mut names: FxHashMap<&str, FxHashMap<usize, &str>> = FxHashMap::default();
     for c in calls {
@@ -140,33 +141,28 @@ fn name_calls(text: &str, calls: &[CallName], entry: &str) -> String {
     }
     names.entry(entry).or_default();
     let mut out = String::with_capacity(text.len());
-    let (mut depth, mut current) = (0usize, None);
-    let mut rest = text;
-    while let Some(c) = rest.chars().next() {
-        let word = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_alphanumeric() || c == '_').len();
-        if word > 0 {
-            let (identifier, after) = rest.split_at(word);
-            if depth == 0 && after.starts_with('(') && names.contains_key(identifier) {
-                current = names.get(identifier);
-            }
-            let number = identifier.strip_prefix("_e").and_then(|n| n.parse::<usize>().ok());
-            let name = number.and_then(|n| current?.get(&n)).filter(|_| depth > 0);
-            out.push_str(name.copied().unwrap_or(identifier));
+    let mut current = None;
+    for line in text.split_inclusive('\n') {
+        if line.starts_with(|c: char| c.is_ascii_alphabetic() || c == '}') {
+            let called = line.split('(').filter_map(|part| part.rsplit(|c| !is_word(c)).next());
+            current = called.filter_map(|word| names.get(word)).next();
+        }
+        let mut rest = line;
+        while let Some((known, at)) = current.zip(rest.find("_e")) {
+            let (before, found) = rest.split_at(at);
+            let length = found.find(|c| !is_word(c)).unwrap_or(found.len());
+            let (word, after) = found.split_at(length);
+            let whole = !before.ends_with(is_word);
+            let name = word[2..].parse().ok().filter(|_| whole).and_then(|n: usize| known.get(&n));
+            out.push_str(before);
+            out.push_str(name.copied().unwrap_or(word));
             rest = after;
-            continue;
         }
-        match c {
-            '{' => depth += 1,
-            '}' => {
-                depth = depth.saturating_sub(1);
-                if depth == 0 {
-                    current = None;
-                }
-            }
-            _ => {}
-        }
-        out.push(c);
-        rest = &rest[c.len_utf8()..];
+        out.push_str(rest);
     }
     out
+}
+
+fn is_word(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_'
 }

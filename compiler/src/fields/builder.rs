@@ -413,9 +413,11 @@ impl Code {
         self.push(Stmt::Loop(body));
     }
 
-    /// Adds a branch over a closed block.
+    /// Adds a branch over a closed block, unless nothing is in it.
     pub fn push_if(&mut self, condition: Expr, then: Vec<Stmt>) {
-        self.push(Stmt::If(condition, then, vec![]));
+        if !then.is_empty() {
+            self.push(Stmt::If(condition, then, vec![]));
+        }
     }
 
     /// Adds a branch over two closed blocks.

@@ -73,9 +73,9 @@ pub(super) fn lookup(graph: &Graph, builder: &mut KernelBuilder, id: TableId) ->
     let buffer = builder.table(graph, id);
     let count = table.keys.len() as u32;
     let stride = u32::from(width) + 1;
-    let key = |row: Expr| Expr::Load(buffer, Box::new(row * stride));
+    let key = |row: Expr| Expr::load(buffer, row * stride);
     let value = |row: Expr| {
-        let parts = (0..u32::from(width)).map(|c| Expr::Load(buffer, Box::new(row.clone() * stride + (c + 1))));
+        let parts = (0..u32::from(width)).map(|c| Expr::load(buffer, row.clone() * stride + (c + 1)));
         let parts: Vec<Expr> = parts.collect();
         if width == 1 { parts[0].clone() } else { Expr::Compose(ty, parts) }
     };
@@ -139,7 +139,7 @@ pub(super) fn slope(graph: &Graph, builder: &mut KernelBuilder, id: TableId) -> 
     let buffer = builder.table(graph, id);
     let count = table.keys.len() as u32;
     let stride = u32::from(width) + 1;
-    let at = |row: Expr, c: u32| Expr::Load(buffer, Box::new(row * stride + c));
+    let at = |row: Expr, c: u32| Expr::load(buffer, row * stride + c);
     let after = bisect(&mut code, &|row| at(row, 0), &x, count);
     let ends = after.clone().equal(0u32).or(after.clone().equal(count));
     code.if_(ends, |code| code.return_(zero()));

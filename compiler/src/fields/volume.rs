@@ -48,7 +48,7 @@ fn enter(code: &mut Code, graph: &Graph, grid: GridId, outside: Expr, gradient: 
 
 /// A stored value at whole indices, converted to f32 (not yet scaled).
 fn fetch(texture: u32, at: Expr) -> Expr {
-    Expr::TextureLoad(texture, Box::new(at)).component(0).convert(Prim::F32)
+    Expr::texture_load(texture, at).component(0).convert(Prim::F32)
 }
 
 fn scaled(graph: &Graph, grid: GridId, stored: Expr) -> Expr {

@@ -4,6 +4,7 @@
 //! Every `Loop` must end by itself; backends give each a counter with a cap.
 
 use crate::source::Span;
+use std::sync::Arc;
 
 /// Scalar types of the machine.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
@@ -258,7 +259,7 @@ pub enum Math {
     Normalize,
 }
 
-/// An expression.
+/// An expression. Parts are shared, so that a copy costs nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expr {
     /// f32, rounded from this number; must be finite in f32.
@@ -282,44 +283,44 @@ pub enum Expr {
     /// `@builtin(instance_index)`, u32; likewise.
     InstanceIndex,
     /// Prefix operator.
-    Unary(UnaryOp, Box<Expr>),
+    Unary(UnaryOp, Arc<Expr>),
     /// Infix operator.
-    Binary(BinaryOp, Box<Expr>, Box<Expr>),
+    Binary(BinaryOp, Arc<Expr>, Arc<Expr>),
     /// Built-in function.
     Math(Math, Vec<Expr>),
     /// A vector from scalars, or a struct from its fields.
     Compose(Ty, Vec<Expr>),
     /// A vector of one scalar.
-    Splat(Box<Expr>, u8),
+    Splat(Arc<Expr>, u8),
     /// A component.
-    Component(Box<Expr>, u8),
+    Component(Arc<Expr>, u8),
     /// A field of a struct value.
-    Field(Box<Expr>, u32),
+    Field(Arc<Expr>, u32),
     /// `select(reject, accept, condition)`: condition, accept, reject. The condition is one bool.
-    Select(Box<Expr>, Box<Expr>, Box<Expr>),
+    Select(Arc<Expr>, Arc<Expr>, Arc<Expr>),
     /// Conversion of values.
-    Convert(Prim, Box<Expr>),
+    Convert(Prim, Arc<Expr>),
     /// Reinterpretation of bits.
-    Bitcast(Prim, Box<Expr>),
+    Bitcast(Prim, Arc<Expr>),
     /// A call of an earlier function with a result.
     Call(FunctionId, Vec<Expr>),
     /// `textureLoad(texture, at, 0)`: vec4; `at` is vec3 of i32, vec2 for a 2D texture.
-    TextureLoad(u32, Box<Expr>),
+    TextureLoad(u32, Arc<Expr>),
     /// `buffer[index]`; the index is u32.
-    Load(u32, Box<Expr>),
+    Load(u32, Arc<Expr>),
 }
 
 impl Expr {
     /// A prefix operator.
     #[must_use]
     pub fn unary(op: UnaryOp, a: impl Into<Self>) -> Self {
-        Self::Unary(op, Box::new(a.into()))
+        Self::Unary(op, Arc::new(a.into()))
     }
 
     /// An infix operator.
     #[must_use]
     pub fn binary(op: BinaryOp, a: impl Into<Self>, b: impl Into<Self>) -> Self {
-        Self::Binary(op, Box::new(a.into()), Box::new(b.into()))
+        Self::Binary(op, Arc::new(a.into()), Arc::new(b.into()))
     }
 
     /// A built-in function.
@@ -409,37 +410,49 @@ impl Expr {
     /// Component `i`.
     #[must_use]
     pub fn component(self, i: u8) -> Self {
-        Self::Component(Box::new(self), i)
+        Self::Component(Arc::new(self), i)
     }
 
     /// Field `i`.
     #[must_use]
     pub fn field(self, i: u32) -> Self {
-        Self::Field(Box::new(self), i)
+        Self::Field(Arc::new(self), i)
     }
 
     /// One scalar `width` times; a width of 1 is the scalar itself.
     #[must_use]
     pub fn splat(self, width: u8) -> Self {
-        if width == 1 { self } else { Self::Splat(Box::new(self), width) }
+        if width == 1 { self } else { Self::Splat(Arc::new(self), width) }
     }
 
     /// `self ? accept : reject`
     #[must_use]
     pub fn select(self, accept: impl Into<Self>, reject: impl Into<Self>) -> Self {
-        Self::Select(Box::new(self), Box::new(accept.into()), Box::new(reject.into()))
+        Self::Select(Arc::new(self), Arc::new(accept.into()), Arc::new(reject.into()))
     }
 
     /// Conversion of the value.
     #[must_use]
     pub fn convert(self, prim: Prim) -> Self {
-        Self::Convert(prim, Box::new(self))
+        Self::Convert(prim, Arc::new(self))
     }
 
     /// Reinterpretation of the bits.
     #[must_use]
     pub fn bitcast(self, prim: Prim) -> Self {
-        Self::Bitcast(prim, Box::new(self))
+        Self::Bitcast(prim, Arc::new(self))
+    }
+
+    /// `buffer[index]`
+    #[must_use]
+    pub fn load(buffer: u32, index: impl Into<Self>) -> Self {
+        Self::Load(buffer, Arc::new(index.into()))
+    }
+
+    /// `textureLoad(texture, at, 0)`
+    #[must_use]
+    pub fn texture_load(texture: u32, at: impl Into<Self>) -> Self {
+        Self::TextureLoad(texture, Arc::new(at.into()))
     }
 }
 

@@ -73,7 +73,7 @@ impl Note {
     pub(crate) fn read(builder: &mut KernelBuilder, code: &mut Code, record: &Expr) -> Self {
         let notes = builder.notes_read();
         let base = code.bind("note", Ty::U32, record.clone() * NOTES);
-        let mut at = |name: &str, i: u32| code.bind(name, Ty::F32, Expr::Load(notes, Box::new(base.clone() + i)));
+        let mut at = |name: &str, i: u32| code.bind(name, Ty::F32, Expr::load(notes, base.clone() + i));
         let origin = [at("origin_x", 0), at("origin_y", 1), at("origin_z", 2)];
         let start = at("start", 3);
         let direction = [at("direction_x", 4), at("direction_y", 5), at("direction_z", 6)];

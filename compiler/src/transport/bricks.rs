@@ -3,8 +3,9 @@
 //! the brick that they fall into.
 
 use super::matter::{Matter, Scene};
+use super::media::Medium;
 use super::shapes::{FAR, Ray, Region};
-use super::trace::{Medium, Tracer};
+use super::trace::Tracer;
 use crate::analysis::feature::feature_length;
 use crate::analysis::narrow::narrow;
 use crate::fields::{Code, field_function};
@@ -149,7 +150,7 @@ impl Tracer<'_> {
         let rows = cell.clone().component(2) * counts.clone().component(1) + cell.clone().component(1);
         let index = rows * counts.component(0) + cell.clone().component(0);
         let at = code.bind("at", Ty::U32, index.convert(Prim::U32) * RECORD);
-        let load = |i: u32| Expr::Load(buffer, Box::new(if i == 0 { at.clone() } else { at.clone() + i }));
+        let load = |i: u32| Expr::load(buffer, if i == 0 { at.clone() } else { at.clone() + i });
         let extinction = code.bind("extinction", Ty::F32, load(0));
         let source = code.bind("source", Ty::F32, load(1));
         let empty = code.bind("empty", Ty::F32, load(2));

@@ -233,7 +233,7 @@ impl Tracer<'_> {
             };
             let node = base.clone() + at(0) + at(1) * n + at(2) * (n * n);
             let node = code.bind("node", Ty::U32, node * u32::from(dw));
-            let parts: Vec<Expr> = (0..dw).map(|i| Expr::Load(buffer, Box::new(node.clone() + u32::from(i)))).collect();
+            let parts: Vec<Expr> = (0..dw).map(|i| Expr::load(buffer, node.clone() + u32::from(i))).collect();
             let value = if dw == 1 { parts[0].clone() } else { Expr::Compose(wide, parts) };
             let weight = (0..3u8).map(|axis| {
                 let f = f.clone().component(axis);

@@ -1,7 +1,8 @@
 //! Segments with closed forms, and where a ray through endless media may stop.
 
+use super::media::Medium;
 use super::shapes::{FAR, Ray};
-use super::trace::{Medium, State, Tracer, widen};
+use super::trace::{State, Tracer, widen};
 use crate::fields::{Code, Helper};
 use crate::ir::NodeId;
 use crate::program::FrameValue;

@@ -1,8 +1,9 @@
 //! Steps through a segment in which something varies: a fixed number of them, or by local error control.
 
+use super::media::Medium;
 use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
-use super::trace::{Medium, Segment, State, Tracer, Walk, largest, least, widen};
+use super::trace::{Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
 use crate::ir::{LightKind, NodeId};
 use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};

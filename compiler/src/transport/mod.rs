@@ -15,6 +15,7 @@ mod light;
 mod march;
 mod nodes;
 mod matter;
+mod media;
 mod paths;
 mod project;
 pub(crate) mod rays;

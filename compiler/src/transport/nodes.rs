@@ -1,9 +1,10 @@
 //! Five samples across a step, and what Simpson's rule makes of them: once over the step, and once over each half of it. The
 //! two differ wherever the samples show anything but a cubic; the last sample is the first of the next step.
 
+use super::media::Medium;
 use super::sample::Sampled;
 use super::shapes::Ray;
-use super::trace::{Medium, State, Tracer};
+use super::trace::{State, Tracer};
 use crate::fields::Code;
 use crate::program::kernel::{Expr, LocalId, Ty};
 

@@ -8,8 +8,9 @@
 //! the mean density of all (the balance heuristic; Miller, Georgiev and Jarosz 2019). Paths end by Russian roulette.
 
 use super::light::{LightSample, Receiver};
+use super::media::Medium;
 use super::shapes::{FAR, Ray, SdfFunctions};
-use super::trace::{ComponentIf, Medium, Segment, State, Stretch, Traced, Tracer, Walk, cut_short, largest, widen};
+use super::trace::{ComponentIf, Segment, State, Stretch, Traced, Tracer, Walk, cut_short, largest, widen};
 use super::tracking::push_tracking;
 use crate::fields::{Code, Helper, PhaseFunction, phase_function};
 use crate::ir::Input;
@@ -264,18 +265,14 @@ impl Tracer<'_> {
             code.set(*into, *value);
         }
         // What tracked media shine was counted on the way.
-        for medium in closed.iter().filter(|m| m.matter.emission.is_some()) {
+        let shining: Vec<&Medium<'_>> = closed.iter().copied().filter(|m| m.matter.emission.is_some()).collect();
+        if !shining.is_empty() {
             let p = code.bind("p_here", Ty::VEC3, ray.at(stop.clone()));
-            code.open();
-            let part = self.sample_one(code, ray, state, medium, &p, &stop);
-            if let Some(emission) = part.emission {
-                code.add(flight.emission, emission);
-            }
-            let body = code.close();
-            match &medium.here {
-                Some(here) => code.push_if(here.clone(), body),
-                None => code.push_all(body),
-            }
+            self.each_part(code, ray, state, &shining, (&p, &stop), &mut |code, _, part| {
+                if let Some(emission) = part.emission {
+                    code.add(flight.emission, emission);
+                }
+            });
         }
         let found = code.close();
         code.push_if(Expr::Local(ends).equal(1u32), found);
@@ -355,21 +352,14 @@ impl Tracer<'_> {
         let shines = state.radiance.is_some() && open.iter().any(|m| m.matter.emission.is_some());
         let emission = shines.then(|| code.var("k_e", Ty::float(lw), Expr::F32(0.0).splat(lw)));
         let p = code.bind("p", Ty::VEC3, ray.at(t.clone()));
-        for medium in open {
-            code.open();
-            let part = self.sample_one(code, ray, state, medium, &p, t);
+        self.each_part(code, ray, state, open, (&p, t), &mut |code, _, part| {
             if let Some(value) = part.extinction {
                 code.add(extinction, value);
             }
             if let (Some(sum), Some(value)) = (emission, part.emission) {
                 code.add(sum, value);
             }
-            let body = code.close();
-            match &medium.here {
-                Some(here) => code.push_if(here.clone(), body),
-                None => code.push_all(body),
-            }
-        }
+        });
         (extinction, emission)
     }
 

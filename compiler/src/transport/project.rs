@@ -5,11 +5,13 @@
 //! a surface by bisection between the samples on either side of it. Where three samples on one side come near a surface and go away
 //! again, golden-section search tells whether the ray grazes it between them.
 
-use super::trace::{Medium, Segment, State, Tracer};
+use super::media::{Medium, Varying};
+use super::trace::{Segment, State, Tracer};
 use crate::fields::{Code, Writer, field_function};
 use crate::ir::{Composite, Graph, Input, NodeId};
 use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Ty};
 use crate::program::{FrameValue, StepRule};
+use std::rc::Rc;
 
 /// Data of one medium.
 pub(super) struct Data {
@@ -65,7 +67,7 @@ impl Tracer<'_> {
                 let roots = [("value", value)];
                 let function = field_function(self.graph, &scene.tiers, self.builder, &name, matter.span, &roots);
                 let hoisted = self.along_ray(code, &-ray.direction.clone(), &function.hoisted);
-                medium.function = Some((function, hoisted));
+                medium.varying = Some(Rc::new(Varying { name, function, hoisted }));
             }
             out.push(medium);
         }
@@ -76,12 +78,12 @@ impl Tracer<'_> {
     pub(super) fn project_segment(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
         let Some(projected) = state.projected.clone() else { return };
         for (number, medium) in media.iter().enumerate() {
-            let Some((function, hoisted)) = &medium.function else { continue };
+            let Some(varying) = medium.varying.clone() else { continue };
             code.open();
-            let id = function.id;
+            let id = varying.function.id;
             let at = |t: Expr| {
                 let mut arguments = vec![segment.ray.at(t)];
-                arguments.extend(hoisted.iter().cloned());
+                arguments.extend(varying.hoisted.iter().cloned());
                 Expr::Call(id, arguments)
             };
             self.project_medium(code, state, &projected, number, &at, segment);

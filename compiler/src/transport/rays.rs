@@ -87,7 +87,7 @@ fn across(code: &mut Code, right: &Expr, up: &Expr, x: Expr, y: Expr, width: &Ex
 /// Reads ray number `index` of the list.
 pub(crate) fn list(builder: &mut KernelBuilder, code: &mut Code, index: &Expr) -> Start {
     let rays = builder.rays();
-    let at = |i: u32| Expr::Load(rays, Box::new(index.clone() * 8u32 + i));
+    let at = |i: u32| Expr::load(rays, index.clone() * 8u32 + i);
     let three = |i: u32| Expr::Compose(Ty::VEC3, vec![at(i), at(i + 1), at(i + 2)]);
     let origin = code.bind("origin", Ty::VEC3, three(0));
     let direction = code.bind("direction", Ty::VEC3, three(4));

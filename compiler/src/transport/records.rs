@@ -66,7 +66,7 @@ pub(crate) fn gather(
     for ((kind, width), value) in fields.iter().zip(values) {
         let before: Vec<Expr> = (0..u32::from(*width))
             .map(|i| {
-                let load = Expr::Load(records, Box::new(base.clone() + (offset + i)));
+                let load = Expr::load(records, base.clone() + (offset + i));
                 let load = code.bind("so_far", Ty::F32, load);
                 first.clone().select(0.0, load)
             })

@@ -33,7 +33,7 @@ pub(crate) fn entry(
         .zip(&layers.targets)
         .map(|(i, target)| {
             let texture = builder.target(i, &target.name);
-            let load = Expr::TextureLoad(texture, Box::new(place.clone()));
+            let load = Expr::texture_load(texture, place.clone());
             code.bind(&format!("{}_texel", target.name), Ty::float(4), load)
         })
         .collect();

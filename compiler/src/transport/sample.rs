@@ -3,8 +3,9 @@
 use super::light::InScattered;
 use super::march::PLACE;
 use super::matter::Matter;
+use super::media::{Medium, Varying};
 use super::shapes::{FAR, Ray};
-use super::trace::{ComponentIf, Medium, State, Tracer, Walk, largest, widen};
+use super::trace::{ComponentIf, State, Tracer, Walk, largest, widen};
 use crate::fields::Code;
 use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};
 
@@ -61,7 +62,7 @@ impl Tracer<'_> {
         let lights = self.in_scattered.clone().filter(|_| state.radiance.is_some());
         let single = media.len() == 1 && media[0].here.is_none() && lights.is_none();
         if single {
-            let part = self.sample_one(code, ray, state, &media[0], &p, &t);
+            let part = self.sample_one(code, ray, state, &media[0], (&p, &t), &mut None);
             let extinction = part.extinction.map(|e| code.bind(&format!("k_t_{tag}"), Ty::float(dw), e));
             let source = part.emission.map(|e| code.bind(&format!("k_e_{tag}"), Ty::float(lw), e));
             return Sampled { extinction, source, source_error: None };
@@ -102,24 +103,18 @@ impl Tracer<'_> {
         let count = if scatters { self.scene.phases.len() } else { 0 };
         let scattering: Vec<LocalId> =
             (0..count).map(|i| code.var(&format!("k_s_{tag}_{i}"), Ty::float(lw), zero(lw))).collect();
-        for medium in media {
-            code.open();
-            let part = self.sample_one(code, ray, state, medium, &p, t);
+        let all: Vec<&Medium<'_>> = media.iter().collect();
+        self.each_part(code, ray, state, &all, (&p, t), &mut |code, matter, part| {
             if let (Some(total), Some(value)) = (extinction, part.extinction) {
                 code.add(total, value);
             }
             if let (Some(total), Some(value)) = (source, part.emission) {
                 code.add(total, value);
             }
-            if let (Some(total), Some(value)) = (scattering.get(medium.matter.phase), part.scattering) {
+            if let (Some(total), Some(value)) = (scattering.get(matter.phase), part.scattering) {
                 code.add(*total, value);
             }
-            let body = code.close();
-            match &medium.here {
-                Some(here) => code.push_if(here.clone(), body),
-                None => code.push_all(body),
-            }
-        }
+        });
         Sums { extinction, source, scattering }
     }
 
@@ -175,29 +170,42 @@ impl Tracer<'_> {
         self.scene.matter.iter().map(|m| self.width(m.emission)).max().unwrap_or(1)
     }
 
-    /// Evaluates one medium.
-    pub(super) fn sample_one(
+    /// Evaluates the media that are at a place on the ray, and does something with what each adds.
+    pub(super) fn each_part(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        state: &State,
+        media: &[&Medium<'_>],
+        at: (&Expr, &Expr),
+        add: &mut dyn FnMut(&mut Code, &Matter, Part),
+    ) {
+        self.each_group(code, media, &mut |tracer, code, together| {
+            let mut value = None;
+            for medium in together {
+                let part = tracer.sample_one(code, ray, state, medium, at, &mut value);
+                add(code, medium.matter, part);
+            }
+        });
+    }
+
+    /// Evaluates one medium. `value` is what the function that it shares with others gave, once that was called.
+    fn sample_one(
         &mut self,
         code: &mut Code,
         ray: &Ray,
         state: &State,
         medium: &Medium<'_>,
-        p: &Expr,
-        t: &Expr,
+        (p, t): (&Expr, &Expr),
+        value: &mut Option<Expr>,
     ) -> Part {
         let (dw, lw) = (self.scene.depth_width, self.source_width());
         let matter = medium.matter;
         let mut extinction = medium.constant.extinction.clone();
         let mut emission = medium.constant.emission.clone();
         let mut scattering = medium.constant.scattering.clone();
-        if let Some((function, hoisted)) = &medium.function {
-            let mut arguments = vec![p.clone()];
-            arguments.extend(hoisted.iter().cloned());
-            for shell in &function.altitudes {
-                let h = self.altitude(code, ray, *shell, t);
-                arguments.push(h);
-            }
-            let value = code.bind(&matter.name, function.result, Expr::Call(function.id, arguments));
+        if let Some(Varying { name, function, hoisted }) = medium.varying.as_deref() {
+            let value = value.get_or_insert_with(|| self.call(code, ray, (function, hoisted), (p, t), name)).clone();
             let part = |i: usize| function.part(&value, i);
             if let (Some(fault), Some(fault_at)) = (state.fault, state.fault_at) {
                 for (at, negative, not_finite) in &medium.checks_at {

@@ -141,7 +141,7 @@ impl SpanFunctions {
 }
 
 /// A region with shells split into balls: each leaf is one primitive by its number.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Region {
     Everywhere,
     Leaf(usize),

@@ -367,7 +367,7 @@ impl Tracer<'_> {
         let start = code.parameter("start", Ty::F32);
         let limit = code.parameter("limit", Ty::F32);
         // As integers, since the bits of small ones are denormal numbers, which a GPU may read as 0.
-        let bits = |at: Expr| Expr::Load(buffer, Box::new(at));
+        let bits = |at: Expr| Expr::load(buffer, at);
         let load = |at: Expr| bits(at).bitcast(Prim::F32);
         let three = |code: &mut Code, name: &str, at: Expr| {
             let parts = (0..3u32).map(|i| load(at.clone() + i)).collect();

@@ -47,7 +47,7 @@ impl Tracer<'_> {
 
     /// The arguments at a distance along the ray.
     fn sides_at(&mut self, code: &mut Code, ray: &Ray, sides: &Sides, t: Expr, name: &str) -> Expr {
-        self.call(code, ray, &sides.function, &sides.hoisted, t, name)
+        self.at_distance(code, ray, (&sides.function, &sides.hoisted), t, name)
     }
 
     /// A function of fields at a distance along the ray.
@@ -60,23 +60,35 @@ impl Tracer<'_> {
         name: &str,
     ) -> Expr {
         let hoisted = self.along_ray(code, &-ray.direction.clone(), &function.hoisted);
-        self.call(code, ray, function, &hoisted, t.clone(), name)
+        self.at_distance(code, ray, (function, &hoisted), t.clone(), name)
     }
 
-    fn call(
+    fn at_distance(
         &mut self,
         code: &mut Code,
         ray: &Ray,
-        function: &FieldFunction,
-        hoisted: &[Expr],
+        called: (&FieldFunction, &[Expr]),
         t: Expr,
         name: &str,
     ) -> Expr {
         let t = code.bind(&format!("t_{name}"), Ty::F32, t);
-        let mut arguments = vec![ray.at(t.clone())];
+        let p = ray.at(t.clone());
+        self.call(code, ray, called, (&p, &t), name)
+    }
+
+    /// A function of fields, with what it takes from the ray, at a place and its distance.
+    pub(super) fn call(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        (function, hoisted): (&FieldFunction, &[Expr]),
+        (p, t): (&Expr, &Expr),
+        name: &str,
+    ) -> Expr {
+        let mut arguments = vec![p.clone()];
         arguments.extend(hoisted.iter().cloned());
         for shell in &function.altitudes {
-            arguments.push(self.altitude(code, ray, *shell, &t));
+            arguments.push(self.altitude(code, ray, *shell, t));
         }
         code.bind(name, function.result, Expr::Call(function.id, arguments))
     }

@@ -12,11 +12,12 @@
 use super::light::{InScattered, Shadow};
 use super::march::OPAQUE;
 use super::matter::{Matter, Scene};
+use super::media::Medium;
 use super::project::Projected;
 use super::shapes::{Boundaries, FAR, Ray, Region, SdfFunctions, SpanFunctions, primitive_span, sdf_functions};
 use super::sheets::Nearest;
 use crate::analysis::feature::Features;
-use crate::fields::{Code, FieldFunction, KernelBuilder, Writer, field_function};
+use crate::fields::{Code, FieldFunction, KernelBuilder, Writer};
 use crate::ir::{Composite, FieldScene, Graph, Input, NodeId, PrimitiveKind, Tier};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
@@ -34,45 +35,6 @@ pub(crate) struct Traced {
     pub(crate) random: Option<super::paths::Random>,
     /// What fills the cache, and its entry point.
     pub(crate) fill: Option<(crate::program::FillPass, crate::program::kernel::Function)>,
-}
-
-/// The values of a medium's coefficients where they do not depend on the position.
-#[derive(Clone, Default)]
-pub(super) struct Constant {
-    pub(super) extinction: Option<Expr>,
-    pub(super) emission: Option<Expr>,
-    pub(super) scattering: Option<Expr>,
-}
-
-/// One medium while the function is written.
-pub(super) struct Medium<'a> {
-    pub(super) matter: &'a Matter,
-    pub(super) constant: Constant,
-    /// Its function of the position, with the values it takes from the ray.
-    pub(super) function: Option<(FieldFunction, Vec<Expr>)>,
-    /// Position of each varying field in the function's result.
-    pub(super) extinction_at: Option<usize>,
-    pub(super) emission_at: Option<usize>,
-    pub(super) scattering_at: Option<usize>,
-    pub(super) checks_at: Vec<(usize, u32, u32)>,
-    /// Whether it is here; `None` is always.
-    pub(super) here: Option<Expr>,
-}
-
-impl<'a> Medium<'a> {
-    /// Without any coefficient.
-    pub(super) fn plain(matter: &'a Matter) -> Self {
-        Self {
-            matter,
-            constant: Constant::default(),
-            function: None,
-            extinction_at: None,
-            emission_at: None,
-            scattering_at: None,
-            checks_at: vec![],
-            here: None,
-        }
-    }
 }
 
 /// A stretch of a ray in which the set of media is constant.
@@ -514,92 +476,12 @@ impl Tracer<'_> {
     }
 
     /// Whether a segment with this medium is stepped through.
-    fn steps(&self, matter: &Matter) -> bool {
+    pub(super) fn steps(&self, matter: &Matter) -> bool {
         match self.walk {
             Walk::Eye => matter.steps,
             Walk::Shadow { .. } | Walk::Ratio(_) => self.open_depth(matter),
             Walk::Path(_) => true,
         }
-    }
-
-    /// Writes the functions of varying media and evaluates the constant coefficients.
-    fn media<'s>(&mut self, code: &mut Code, ray: &Ray) -> Vec<Medium<'s>>
-    where
-        Self: 's,
-    {
-        let scene: &Scene = self.scene;
-        let tiers = &scene.tiers;
-        let eye = matches!(self.walk, Walk::Eye | Walk::Path(_));
-        // Light travels against the ray of the eye, and along no other than that from its source.
-        let travel = -ray.direction.clone();
-        let varies = |n: Option<NodeId>| n.filter(|n| tiers[n.0 as usize] == Tier::Sample);
-        let stepping = scene.matter.iter().any(|m| self.steps(m));
-        let mut out = vec![];
-        let only = self.only;
-        for matter in &scene.matter {
-            if !eye && (matter.extinction.is_none() || only.is_some_and(|only| !only(self, matter))) {
-                continue;
-            }
-            let wanted = [matter.extinction, matter.emission.filter(|_| eye), matter.scattering.filter(|_| eye)];
-            let [extinction, emission, scattering] = wanted.map(varies);
-            let checks = if self.wants(OutputKind::Fault) { matter.checks.as_slice() } else { &[] };
-            let mut roots: Vec<(&str, NodeId)> = vec![];
-            let mut place = |name: &'static str, node: NodeId| {
-                roots.iter().position(|r| r.1 == node).unwrap_or_else(|| {
-                    roots.push((name, node));
-                    roots.len() - 1
-                })
-            };
-            // Where steps are taken, everything that varies is sampled; where all is closed, nothing is.
-            let sampled = (stepping || matches!(self.walk, Walk::Path(_)))
-                && (eye || self.open_depth(matter) || matches!(self.walk, Walk::Shadow { .. }))
-                && wanted.iter().any(|n| varies(*n).is_some());
-            let extinction_at = extinction.filter(|_| sampled).map(|n| place("k_t", n));
-            let emission_at = emission.filter(|_| sampled).map(|n| place("k_e", n));
-            let scattering_at = scattering.filter(|_| sampled).map(|n| place("k_s", n));
-            let checks_at: Vec<(usize, u32, u32)> = checks
-                .iter()
-                .filter(|_| sampled)
-                .map(|c| {
-                    let fault = |not_finite| Fault { medium: matter.index, field: c.field, not_finite }.code();
-                    (place(c.field, c.node), fault(false), fault(true))
-                })
-                .collect();
-            let function = sampled.then(|| {
-                let name = if eye { format!("{}_at", matter.name) } else { format!("{}_k_t", matter.name) };
-                let function = field_function(self.graph, tiers, self.builder, &name, matter.span, &roots);
-                let hoisted = self.along_ray(code, &travel, &function.hoisted);
-                (function, hoisted)
-            });
-            let mut constant = |node: Option<NodeId>, varying: Option<NodeId>, name: &str| {
-                if varying.is_some() {
-                    return None;
-                }
-                node.map(|n| {
-                    if tiers[n.0 as usize] <= Tier::Frame {
-                        return self.builder.value(self.graph, n, &format!("{}_{name}", matter.name));
-                    }
-                    let value = self.along_ray(code, &travel, &[n]).remove(0);
-                    code.bind(&format!("{}_{name}", matter.name), Ty::float(self.graph.width(n)), value)
-                })
-            };
-            let constant = Constant {
-                extinction: constant(wanted[0], extinction, "k_t"),
-                emission: constant(wanted[1], emission, "k_e"),
-                scattering: constant(wanted[2], scattering, "k_s"),
-            };
-            out.push(Medium {
-                matter,
-                constant,
-                function,
-                extinction_at,
-                emission_at,
-                scattering_at,
-                checks_at,
-                here: None,
-            });
-        }
-        out
     }
 
     /// The loop over segments between boundaries.
@@ -645,12 +527,28 @@ impl Tracer<'_> {
         let next = code.var("next", Ty::F32, end.clone());
         let boundaries = Boundaries { spans, sdfs, arguments: &sdf_arguments };
         let inside = boundaries.advance(code, ray, t, next);
-        for medium in media.iter_mut() {
-            let here = medium.matter.region.inside(&|i| inside[i].clone());
-            medium.here = here.map(|h| code.bind(&format!("in_{}", medium.matter.name), Ty::BOOL, h));
+        for i in 0..media.len() {
+            let (before, rest) = media.split_at_mut(i);
+            let medium = &mut rest[0];
+            let region = &medium.matter.region;
+            medium.here = match before.iter().find(|m| m.matter.region == *region) {
+                Some(there) => there.here.clone(),
+                None => {
+                    let here = region.inside(&|i| inside[i].clone());
+                    here.map(|h| code.bind(&format!("in_{}", medium.matter.name), Ty::BOOL, h))
+                }
+            };
         }
         let anywhere = media.iter().map(|m| m.here.clone()).collect::<Option<Vec<Expr>>>();
-        let anywhere = anywhere.and_then(|all| all.into_iter().reduce(Expr::or));
+        let anywhere = anywhere.and_then(|all| {
+            let mut different: Vec<Expr> = vec![];
+            all.into_iter().for_each(|here| {
+                if !different.contains(&here) {
+                    different.push(here);
+                }
+            });
+            different.into_iter().reduce(Expr::or)
+        });
         code.open();
         self.segment(code, state, media, &Segment { ray: ray.clone(), a: t.into(), b: next.into(), reach, part });
         let body = code.close();

@@ -1,8 +1,9 @@
 //! At which rate tentative collisions happen: that of a medium's bounds in the brick at hand, or one for all of it.
 
+use super::media::Medium;
 use super::paths::Random;
 use super::shapes::{FAR, Ray};
-use super::trace::{Medium, Tracer};
+use super::trace::Tracer;
 use crate::fields::Code;
 use crate::program::kernel::{Expr, LocalId, Math, Stmt, Ty};
 

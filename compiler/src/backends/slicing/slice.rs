@@ -19,7 +19,7 @@ fn outline(builder: &mut KernelBuilder, corner: Ty) -> Function {
     let mut code = Code::new("outline", None);
     let outlines = builder.outlines();
     let base = code.bind("base", Ty::U32, Expr::VertexIndex * 3u32);
-    let at = |i: u32| Expr::Load(outlines, Box::new(base.clone() + i));
+    let at = |i: u32| Expr::load(outlines, base.clone() + i);
     let origin = builder.frame(FrameValue::TileOrigin).convert(Prim::F32);
     let size = builder.frame(FrameValue::TileSize).convert(Prim::F32);
     let origin = code.bind("origin", Ty::float(2), origin);

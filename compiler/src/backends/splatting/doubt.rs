@@ -69,7 +69,7 @@ pub(super) fn entry(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pi
     let count = coefficients(pieces);
     let all = |code: &mut Code, number: Expr| -> Vec<Expr> {
         let base = code.bind("base", Ty::U32, number * stride);
-        (0..count).map(|i| code.bind("coefficient", Ty::F32, Expr::Load(splats, Box::new(base.clone() + i)))).collect()
+        (0..count).map(|i| code.bind("coefficient", Ty::F32, Expr::load(splats, base.clone() + i))).collect()
     };
     let own = all(&mut code, number.clone());
     let center = node(builder, &mut code, &number);

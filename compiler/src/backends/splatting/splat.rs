@@ -125,7 +125,7 @@ pub(super) fn read(
     for ty in types {
         let parts: Vec<Expr> = (0..u32::from(components(ty)))
             .map(|i| {
-                let load = Expr::Load(buffer, Box::new(base.clone() + (offset + i)));
+                let load = Expr::load(buffer, base.clone() + (offset + i));
                 code.bind("coefficient", Ty::F32, load)
             })
             .collect();
@@ -158,7 +158,7 @@ pub(super) fn entries(
 fn corners(builder: &mut KernelBuilder, pieces: &Pieces, projection: Option<Projection>, corner: Ty) -> Function {
     let mut code = Code::new("corner", None);
     let order = builder.order();
-    let number = code.bind("node", Ty::U32, Expr::Load(order, Box::new(Expr::InstanceIndex)));
+    let number = code.bind("node", Ty::U32, Expr::load(order, Expr::InstanceIndex));
     let splats = builder.splats_read();
     let base = code.bind("base", Ty::U32, number.clone() * doubt::stride(pieces));
     // Where the node holds nothing, its neighbours may say that it holds too little.

@@ -223,7 +223,7 @@ fn meet(builder: &mut KernelBuilder, code: &mut Code, place: &Place, number: &Ex
     let mut next = 0u32;
     let mut read = |code: &mut Code, name: &str| {
         next += 1;
-        code.bind(name, Ty::F32, Expr::Load(footprints, Box::new(base.clone() + (next - 1))))
+        code.bind(name, Ty::F32, Expr::load(footprints, base.clone() + (next - 1)))
     };
     let depth = read(code, "depth");
     let (t, power) = match (place.layout.shape, &place.plane) {
@@ -305,7 +305,7 @@ pub(super) fn entry(
     };
     let lists = builder.tile_lists();
     let tile = code.bind("tile", Ty::U32, tile * 3u32);
-    let list = |i: u32| Expr::Load(lists, Box::new(tile.clone() + i));
+    let list = |i: u32| Expr::load(lists, tile.clone() + i);
     // Which part of the list this round goes through, from its end.
     let first = code.bind("first_of_list", Ty::U32, list(0));
     let last = code.bind("end_of_list", Ty::U32, list(3));
@@ -370,7 +370,7 @@ pub(super) fn entry(
     for (var, ty) in &carried {
         let value = restore(&mut code, *ty, &mut |_| {
             at += 1;
-            Expr::Load(memory, Box::new(own.clone() + (at - 1)))
+            Expr::load(memory, own.clone() + (at - 1))
         });
         code.set(*var, value);
     }
@@ -380,7 +380,7 @@ pub(super) fn entry(
     code.open();
     code.break_if(Expr::Local(next).less_equal(first));
     code.set(next, Expr::Local(next) - 1u32);
-    let number = code.bind("number", Ty::U32, Expr::Load(lists, Box::new(next.into())));
+    let number = code.bind("number", Ty::U32, Expr::load(lists, next));
     let met = meet(builder, &mut code, &place, &number);
     let seen = met.alpha.clone().greater(0.0).and(met.t.clone().less(blend.note.end.clone()));
     code.open();
@@ -541,7 +541,7 @@ impl Blend<'_> {
         let footprints = builder.footprints();
         let first = code.bind("colors", Ty::U32, met.colors.clone());
         let parts: Vec<Expr> = (0..u32::from(self.lw))
-            .map(|i| code.bind("color", Ty::F32, Expr::Load(footprints, Box::new(first.clone() + i))))
+            .map(|i| code.bind("color", Ty::F32, Expr::load(footprints, first.clone() + i)))
             .collect();
         let colors =
             if let [only] = parts.as_slice() { only.clone() } else { Expr::Compose(Ty::float(self.lw), parts) };

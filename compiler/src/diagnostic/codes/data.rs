@@ -317,4 +317,14 @@ does not fit 32-bit floating point) have no place. Both are left out. The messag
 duplicates of corners after an export are the usual cause and harmless.
 ",
     },
+    CodeInfo {
+        code: "N0606",
+        title: "a mesh is not closed",
+        explanation: "\
+Some edges of the mesh belong to one triangle alone, so that its surface has a rim or holes. It is drawn as it is, a sheet with
+two sides: a leaf is meant so, but light also passes through holes that were not meant, into a body and out of it again.
+The message counts such edges and gives the corners of the first. Two corners are the same where their coordinates are equal
+to the last digit; parts that only seem to touch count as open.
+",
+    },
 ];

@@ -4,7 +4,8 @@
 //! # Conventions
 //! - Coordinates are **metres**, taken as they stand: neither format has a unit. They are kept as 32-bit floating point.
 //! - Polygons become fans around their first corner, which is right for convex ones.
-//! - Triangles are sheets with two sides; holes and inconsistent orientations need no care.
+//! - Triangles are sheets with two sides: inconsistent orientations need no care, and through holes light passes. That a surface
+//!   is not closed is told in a note, since a leaf is not meant to be.
 //! - Triangles without an area, and triangles with a corner that is not finite, are left out, counted and reported as a
 //!   [`LoadWarning`].
 //! - Materials, normals, texture coordinates, colours, lines and points are ignored.
@@ -56,7 +57,8 @@ impl Mesh {
         if triangles.len() > MAX_TRIANGLES {
             return Err(soup::too_large());
         }
-        let (mut triangles, warnings) = soup::sanitise(triangles)?;
+        let (mut triangles, mut warnings) = soup::sanitise(triangles)?;
+        warnings.extend(soup::holes(&triangles));
         let nodes = bvh::build(&mut triangles);
         Ok((Self { triangles, nodes }, warnings))
     }

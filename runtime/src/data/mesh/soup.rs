@@ -142,3 +142,39 @@ pub(super) fn sanitise(mut triangles: Vec<Triangle>) -> Result<(Vec<Triangle>, V
     };
     Ok((triangles, warnings))
 }
+
+/// Tells of a surface that is not closed: edges at which one triangle ends and no other begins. Corners are the same where their
+/// coordinates are.
+pub(super) fn holes(triangles: &[Triangle]) -> Option<LoadWarning> {
+    // By value, with one zero.
+    let key = |corner: &[f32; 3]| corner.map(|x| (x + 0.0).to_bits());
+    let mut corners: Vec<[u32; 3]> = triangles.iter().flatten().map(key).collect();
+    corners.sort_unstable();
+    corners.dedup();
+    let number = |corner: &[f32; 3]| corners.binary_search(&key(corner)).unwrap_or_default() as u32;
+    let mut edges: Vec<[u32; 2]> = vec![];
+    for triangle in triangles {
+        let numbers = triangle.each_ref().map(number);
+        for i in 0..3 {
+            let (a, b) = (numbers[i], numbers[(i + 1) % 3]);
+            edges.push([a.min(b), a.max(b)]);
+        }
+    }
+    edges.sort_unstable();
+    let mut open = edges.chunk_by(PartialEq::eq).filter(|same| same.len() == 1).map(|same| same[0]);
+    let [a, b] = open.next()?.map(|c| corners[c as usize].map(f32::from_bits));
+    let more = open.count();
+    let [from, to] = [a, b].map(|[x, y, z]| format!("({x}, {y}, {z})"));
+    let message = match more {
+        0 => format!("is not closed: 1 edge belongs to one triangle alone, from {from} to {to} m"),
+        _ => format!("is not closed: {} edges belong to one triangle alone, such as {from} to {to} m", more + 1),
+    };
+    Some(LoadWarning {
+        code: "N0606",
+        severity: Severity::Note,
+        message,
+        hint: Some(
+            "light passes through holes; if none were meant, close them in the program that made the mesh".into(),
+        ),
+    })
+}

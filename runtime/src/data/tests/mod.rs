@@ -113,7 +113,7 @@ fn every_code_is_explained() {
     for code in ["E0601", "E0602", "E0603", "E0604", "E0605", "E0606", "E0607", "E0608", "E0609", "E0610"] {
         assert!(compiler::diagnostic::explain(code).is_some(), "{code}");
     }
-    for code in ["W0601", "W0602", "W0603", "W0604", "W0605", "E0620", "E0621", "E0622"] {
+    for code in ["W0601", "W0602", "W0603", "W0604", "W0605", "N0606", "E0620", "E0621", "E0622"] {
         assert!(compiler::diagnostic::explain(code).is_some(), "{code}");
     }
 }

@@ -367,6 +367,37 @@ fn a_grid_that_no_adapter_takes_is_an_error() {
 }
 
 #[test]
+fn memory_that_is_full_is_an_error_and_what_was_there_goes_on() {
+    let program = indices();
+    let mut needs = Needs::of(&program);
+    needs.grid = Some((2048, "huge".into()));
+    let Some(gpu) = open(&needs) else { return };
+    let mut prepared = gpu.prepare_modules(&program, vec![wgsl(INDICES)], SceneData::default()).expect("prepares");
+    let frame = frame([8, 8], vec![vec![1.0]]);
+    let (before, _) = picture(&mut prepared, &frame, 4);
+    // Textures of 32 GiB each, into which nothing is written. No machine has room for 4 TiB of them.
+    let mut held = vec![];
+    let error = (0..128).find_map(|_| {
+        held.push(gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("huge"),
+            size: wgpu::Extent3d { width: 2048, height: 2048, depth_or_array_layers: 2048 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D3,
+            format: wgpu::TextureFormat::R32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        }));
+        gpu.watch.check().err()
+    });
+    let error = error.expect("memory is not endless");
+    assert_eq!((error.kind, error.kind.code()), (GpuErrorKind::OutOfMemory, "E0633"), "{error}");
+    assert!(error.hint.is_some());
+    drop(held);
+    assert_eq!(picture(&mut prepared, &frame, 4).0, before);
+}
+
+#[test]
 fn an_unknown_adapter_is_named_with_those_there_are() {
     let choice = AdapterChoice { name: Some("no such thing".into()) };
     let error = Gpu::new(&choice, &Needs::default()).expect_err("no such adapter");
