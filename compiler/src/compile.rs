@@ -1,6 +1,6 @@
 //! The whole way from text to program.
 
-use crate::backends::REGISTRY;
+use crate::backends::{self, REGISTRY};
 use crate::check::hir;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{Backend, FieldScene, Scattering};
@@ -111,15 +111,14 @@ fn backend(
     let mut ledger = Ledger::default();
     note_features(scene, &lowered, &mut ledger);
     let mut optimised = passes::optimise(&lowered, &mut ledger);
+    let forecasts = backends::forecasts(&optimised, options);
     let wanted = match lowered.render.backend {
-        Backend::Auto if lowered.splats.is_empty() => Backend::Raymarch,
-        // The others do not draw them.
-        Backend::Auto => Backend::Splatting,
-        other => other,
+        Backend::Auto => backends::choose(&forecasts, lowered.render.accuracy),
+        asked => asked,
     };
-    let (_, _, build) = REGISTRY.iter().find(|(backend, ..)| *backend == wanted).expect("every backend is registered");
-    let (kernels, plan) = build(&mut optimised, options, &mut ledger, diagnostics)?;
-    Some(Program::new((lowered, optimised), kernels, plan, ledger))
+    let entry = REGISTRY.iter().find(|entry| entry.backend == wanted).expect("every backend is registered");
+    let (kernels, plan) = (entry.build)(&mut optimised, options, &mut ledger, diagnostics)?;
+    Some(Program { forecasts, ..Program::new((lowered, optimised), kernels, plan, ledger) })
 }
 
 /// Options change the schedule of both copies alike, before anything is built on it.

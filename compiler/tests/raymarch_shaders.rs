@@ -146,7 +146,7 @@ fn primitive(kind: PrimitiveKind) -> Shape {
 /// Builds a scene, emits it for every target, and reads the WGSL back.
 fn draw(what: &str, mut scene: FieldScene, options: &Options) {
     let (mut ledger, mut diagnostics) = (Ledger::default(), Diagnostics::default());
-    let built = REGISTRY[0].2(&mut scene, options, &mut ledger, &mut diagnostics);
+    let built = (REGISTRY[0].build)(&mut scene, options, &mut ledger, &mut diagnostics);
     let (kernels, plan) = built.unwrap_or_else(|| panic!("{what}: {diagnostics:?}"));
     for kernel in &kernels {
         let shader = compiler::emit::emit(kernel).unwrap_or_else(|e| panic!("{what}: {e}\n{:?}", e.diagnostic().notes));

@@ -17,7 +17,8 @@ fn main() {
     let scene = arguments.next().map_or_else(|| root().join("examples/three_ways.vol"), PathBuf::from);
     let out = arguments.next().unwrap_or_else(|| "side_by_side.png".into());
     let mut pictures: Vec<Picture> = vec![];
-    for (backend, name, _) in REGISTRY {
+    for entry in REGISTRY {
+        let (backend, name) = (entry.backend, entry.word);
         let options = Options { backend: Some(backend), ..Options::default() };
         let Some(mut session) = open(&scene, options, EngineChoice::Gpu) else { return };
         let drawing = draw(&scene, &mut session);

@@ -3,7 +3,7 @@
 use compiler::backends::REGISTRY;
 use compiler::emit::{Shader, emit};
 use compiler::ir::Backend;
-use compiler::program::{Program, print_ledger};
+use compiler::program::{Program, print_forecasts, print_ledger, print_plan};
 use compiler::{Compilation, Options, compile};
 use runtime::frame::FileLoader;
 use std::collections::BTreeSet;
@@ -50,9 +50,9 @@ fn every_example_is_valid_in_every_target_of_every_backend() {
     for path in scenes() {
         let sources = [Options::default(), Options::probe()];
         let all = REGISTRY.iter().enumerate().flat_map(|b| sources.iter().map(move |s| (b, s)));
-        for ((number, (backend, ..)), options) in all {
-            let options = Options { backend: Some(*backend), ..options.clone() };
-            if *backend != Backend::Raymarch && codes(&path, &options) == ["E0530"] {
+        for ((number, entry), options) in all {
+            let options = Options { backend: Some(entry.backend), ..options.clone() };
+            if entry.backend != Backend::Raymarch && codes(&path, &options) == ["E0530"] {
                 continue;
             }
             drawn[number] += 1;
@@ -239,6 +239,19 @@ fn what_media_of_one_place_share_is_worked_out_once() {
     assert!(together.contains("fn smoke_and_fire_at("), "{together}");
     assert!(apart.contains("fn smoke_at(") && apart.contains("fn fire_at("), "{apart}");
     assert_eq!(2 * hashes(&together), hashes(&apart));
+}
+
+#[test]
+fn the_plan_lists_what_each_backend_is_predicted_to_need() {
+    let forecasts = |name: &str| {
+        let out = compiled(&root().join("examples").join(name).with_extension("vol"), &Options::default());
+        let program = program(&out);
+        let printed = print_forecasts(&program.forecasts, program.plan.backend);
+        assert!(print_plan(program).contains(&printed));
+        format!("{name}\n{printed}")
+    };
+    let all = ["brain", "nebula", "haze", "glowing_ball", "paths/milk", "splats/bonsai"].map(forecasts);
+    insta::assert_snapshot!("forecasts", all.concat());
 }
 
 #[test]

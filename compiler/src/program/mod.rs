@@ -1,5 +1,6 @@
 //! The handover from compiler to runtime: plain data.
 
+mod forecast;
 pub mod kernel;
 mod ledger;
 mod plan;
@@ -7,6 +8,7 @@ mod print;
 mod reach;
 mod verify_kernel;
 
+pub use forecast::{Forecast, Outcome, print_forecasts};
 pub use ledger::{Ledger, Omission};
 pub use plan::{
     Binding, Blend, BricksPart, EMPTY, Extent, Fault, FillPass, FootprintLayout, FootprintShape, FrameValue, Geometry,
@@ -37,6 +39,8 @@ pub struct Program {
     pub kernels: Vec<kernel::Kernel>,
     /// What to bind, fill and dispatch.
     pub plan: Plan,
+    /// What each backend was predicted to need.
+    pub forecasts: Vec<Forecast>,
     /// What was left out of all parts, and why. Empty in further parts.
     pub ledger: Ledger,
     /// Every band of the picture; a further part has its own alone.
@@ -67,7 +71,7 @@ impl Program {
     ) -> Self {
         let bands = lowered.bands.clone();
         let places = (0..bands.wavelengths.len()).map(|band| BandPlace { part: 0, band }).collect();
-        Self { lowered, optimised, kernels, plan, ledger, bands, places, further: vec![] }
+        Self { lowered, optimised, kernels, plan, forecasts: vec![], ledger, bands, places, further: vec![] }
     }
 
     /// The program and its further parts.

@@ -1,6 +1,8 @@
 //! Programs as text: `vol emit --target ir|graph|plan` and the omission ledger.
 
-use super::{Binding, Blend, Extent, Geometry, Ledger, Pass, Plan, Program, RaySource, StepRule, UniformSource};
+use super::{
+    Binding, Blend, Extent, Geometry, Ledger, Pass, Plan, Program, RaySource, StepRule, UniformSource, print_forecasts,
+};
 use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op, print};
 use crate::source::Sources;
 use std::fmt::Write as _;
@@ -107,6 +109,7 @@ pub fn print_plan(program: &Program) -> String {
     let plan: &Plan = &program.plan;
     let scene = &program.optimised;
     let mut out = format!("backend {}\n", plan.backend);
+    out.push_str(&print_forecasts(&program.forecasts, plan.backend));
     let rays = match plan.rays {
         RaySource::Camera => "camera",
         RaySource::List => "list",

@@ -1,10 +1,10 @@
 //! Which rays have no end, and whether that can be borne; which orders of scattering there are.
 
 use super::matter::Scene;
-use super::shapes::Region;
+use super::shapes::{Region, region};
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Composite, FieldScene, Primitive, Scattering};
-use crate::source::Span;
+use crate::ir::{Composite, FieldScene, Medium, Primitive, Scattering};
+use crate::passes::is_zero;
 
 impl Scene {
     /// A ray that never leaves a medium needs a closed form to infinity.
@@ -45,23 +45,29 @@ impl Scene {
     pub(crate) fn primitives(&self) -> &[Primitive] {
         &self.primitives
     }
+}
 
-    /// The media that no box holds.
-    pub(crate) fn endless(&self) -> impl Iterator<Item = (&str, Option<Span>)> {
-        let endless = self.matter.iter().filter(|m| m.region.is_unbounded(&self.primitives));
-        endless.map(|m| (m.name.as_str(), m.span))
-    }
+/// The media that no box holds.
+pub(crate) fn endless(scene: &FieldScene) -> impl Iterator<Item = &Medium> {
+    let seen = |node| !is_zero(&scene.graph, node);
+    scene.media.iter().filter(move |m| {
+        let mut primitives = vec![];
+        let region = region(&m.shape, &mut primitives);
+        [m.k_a, m.k_s, m.k_e].into_iter().any(seen) && region.is_unbounded(&primitives)
+    })
+}
 
-    /// Whether light is followed over more than one scattering: only where there is something to scatter it and light to scatter.
-    pub(crate) fn is_multiple(&self, scene: &FieldScene) -> bool {
-        let light = self.is_lit() || self.glows();
-        let scatters =
-            !self.sheets.is_empty() || scene.media.iter().any(|m| !crate::passes::is_zero(&scene.graph, m.k_s));
-        scene.render.scattering == Scattering::Multiple
-            && scene.render.composite == Composite::Radiance
-            && light
-            && scatters
-    }
+/// Whether light is followed over more than one scattering: only where there is something to scatter it and light to scatter.
+pub(crate) fn is_multiple(scene: &FieldScene) -> bool {
+    let is = |node| !is_zero(&scene.graph, node);
+    let light = !scene.lights.is_empty()
+        || (scene.environment && is(scene.background))
+        || scene.media.iter().any(|m| is(m.k_e));
+    let scatters = !scene.surfaces.is_empty() || scene.media.iter().any(|m| is(m.k_s));
+    scene.render.scattering == Scattering::Multiple
+        && scene.render.composite == Composite::Radiance
+        && light
+        && scatters
 }
 
 /// A signed distance field may bound a medium although no box is known: tracing finds its far side, or that there is none.

@@ -31,6 +31,7 @@ mod tracking;
 
 use crate::program::OutputKind;
 
+pub(crate) use endless::{endless, is_multiple};
 pub(crate) use matter::Scene;
 pub(crate) use trace::{Traced, Tracer, cut_short};
 

@@ -214,7 +214,9 @@ impl Way {
     /// The processor does not draw by kernels, whichever backend made them.
     pub(crate) fn backend_name(self) -> Option<&'static str> {
         match self.engine {
-            EngineChoice::Gpu | EngineChoice::Auto => REGISTRY.iter().find(|b| b.0 == self.backend).map(|b| b.1),
+            EngineChoice::Gpu | EngineChoice::Auto => {
+                REGISTRY.iter().find(|b| b.backend == self.backend).map(|b| b.word)
+            }
             EngineChoice::Cpu | EngineChoice::Reference => None,
         }
     }
@@ -346,7 +348,7 @@ pub fn report(
 
 /// Every backend of the registry on the GPU, and the processor once.
 pub(crate) fn ways(engine: Option<EngineChoice>, backend: Option<Backend>) -> Vec<Way> {
-    let gpu = REGISTRY.iter().map(|b| Way { engine: EngineChoice::Gpu, backend: b.0 });
+    let gpu = REGISTRY.iter().map(|b| Way { engine: EngineChoice::Gpu, backend: b.backend });
     let all = gpu.chain([Way { engine: EngineChoice::Cpu, backend: Backend::Raymarch }]);
     let wanted = |way: &Way| {
         let backend = backend.is_none_or(|b| way.engine == EngineChoice::Cpu || b == way.backend);

@@ -7,7 +7,7 @@ use crate::ir::{Aa, Composite, FieldScene};
 use crate::program::kernel::{BinaryOp, Expr, Kernel, LocalId, Stage, Ty};
 use crate::program::{Extent, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
 use crate::transport::records::{self, Pixel, pixel, store};
-use crate::transport::{Scene, Traced, Tracer, edges, output_name, rays};
+use crate::transport::{Scene, Traced, Tracer, edges, is_multiple, output_name, rays};
 
 /// Kernel and plan of a scene.
 pub(super) fn build(
@@ -22,7 +22,7 @@ pub(super) fn build(
     if diagnostics.has_errors() {
         return None;
     }
-    let many = seen.is_multiple(scene);
+    let many = is_multiple(scene);
     let rule =
         if many { StepRule::Paths(scene.render.samples) } else { StepRule::along_rays(&scene.render, seen.closed) };
     if seen.closed && scene.render.composite == Composite::Radiance {
@@ -89,6 +89,13 @@ pub(super) fn build(
         work_per_ray: work_per_ray * samples,
     };
     Some((kernels, plan))
+}
+
+/// Why it cannot draw a scene. That an endless medium has no closed form it finds when it builds.
+pub(super) fn refusal(scene: &FieldScene, _: &Options) -> Option<String> {
+    let mut found = Diagnostics::default();
+    super::refuse_splats(scene, "the ray marcher", &mut found);
+    super::reason(&found)
 }
 
 /// Sums over the rays of a pixel; of what went wrong, the first.

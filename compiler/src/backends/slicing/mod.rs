@@ -16,7 +16,7 @@ use crate::program::kernel::{Kernel, Stage};
 use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
-use crate::transport::{Scene, Tracer, records, resolve};
+use crate::transport::{Scene, Tracer, endless, is_multiple, records, resolve};
 
 /// Kernels and plan of a scene.
 pub(super) fn build(
@@ -25,13 +25,8 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
-    super::refuse_splats(scene, "slicing", diagnostics);
     refuse(scene, options, diagnostics);
     let seen = Scene::new(scene, ledger, diagnostics);
-    refuse_endless(&seen, diagnostics);
-    if seen.is_multiple(scene) {
-        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
-    }
     if diagnostics.has_errors() {
         return None;
     }
@@ -98,6 +93,7 @@ fn cannot(what: &str, word: &str) -> Diagnostic {
 
 /// What slabs across the view cannot show.
 fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) {
+    super::refuse_splats(scene, "slicing", diagnostics);
     if options.rays == RaySource::Camera && scene.camera.projection == Projection::Panorama {
         diagnostics.push(cannot("draw a panorama: planes do not cross a view all around", "`projection = panorama`"));
     }
@@ -107,15 +103,22 @@ fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) 
             diagnostics.push(cannot("project data", "`composite`"));
         }
     }
-}
-
-/// Slabs fill a bounded part of space.
-fn refuse_endless(seen: &Scene, diagnostics: &mut Diagnostics) {
-    for (name, span) in seen.endless() {
-        let diagnostic = cannot(&format!("draw `{name}`, which has no end"), "a medium without end");
-        diagnostics.push(match span {
+    // Slabs fill a bounded part of space.
+    for medium in endless(scene) {
+        let diagnostic = cannot(&format!("draw `{}`, which has no end", medium.name), "a medium without end");
+        diagnostics.push(match medium.span {
             Some(span) => diagnostic.at(span, "this medium"),
             None => diagnostic,
         });
     }
+    if is_multiple(scene) {
+        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
+    }
+}
+
+/// Why it cannot draw a scene.
+pub(super) fn refusal(scene: &FieldScene, options: &Options) -> Option<String> {
+    let mut found = Diagnostics::default();
+    refuse(scene, options, &mut found);
+    super::reason(&found)
 }

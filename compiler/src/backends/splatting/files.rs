@@ -22,6 +22,16 @@ const CLOSED: u32 = 16384;
 /// The same where they are stepped through.
 const STEPPED: u32 = 256;
 
+/// What cannot stand beside splats of files.
+pub(super) fn refuse(scene: &FieldScene, diagnostics: &mut Diagnostics) {
+    if scene.render.splats.is_some() {
+        diagnostics.push(cannot(
+            "make Gaussians of media beside splats of files: it integrates media there",
+            "`splats` beside an item of splats",
+        ));
+    }
+}
+
 /// Kernels and plan of a scene with splats of files.
 pub(super) fn build(
     scene: &mut FieldScene,
@@ -31,12 +41,7 @@ pub(super) fn build(
 ) -> Option<(Vec<Kernel>, Plan)> {
     let seen = Scene::new(scene, ledger, diagnostics);
     seen.refuse_endless(scene, diagnostics);
-    if scene.render.splats.is_some() {
-        diagnostics.push(cannot(
-            "make Gaussians of media beside splats of files: it integrates media there",
-            "`splats` beside an item of splats",
-        ));
-    }
+    refuse(scene, diagnostics);
     if diagnostics.has_errors() {
         return None;
     }

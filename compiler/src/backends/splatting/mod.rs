@@ -24,7 +24,7 @@ use crate::program::kernel::{Kernel, Stage};
 use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
-use crate::transport::{Scene, Tracer, records, resolve};
+use crate::transport::{Scene, Tracer, endless, is_multiple, records, resolve};
 
 /// Kernels and plan of a scene.
 pub(super) fn build(
@@ -38,16 +38,6 @@ pub(super) fn build(
     }
     refuse(scene, options, diagnostics);
     let seen = Scene::new(scene, ledger, diagnostics);
-    for (name, span) in seen.endless() {
-        let diagnostic = cannot(&format!("draw `{name}`, which has no end"), "a medium without end");
-        diagnostics.push(match span {
-            Some(span) => diagnostic.at(span, "this medium"),
-            None => diagnostic,
-        });
-    }
-    if seen.is_multiple(scene) {
-        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
-    }
     if diagnostics.has_errors() {
         return None;
     }
@@ -126,4 +116,25 @@ fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) 
             diagnostics.push(cannot("project data", "`composite`"));
         }
     }
+    for medium in endless(scene) {
+        let diagnostic = cannot(&format!("draw `{}`, which has no end", medium.name), "a medium without end");
+        diagnostics.push(match medium.span {
+            Some(span) => diagnostic.at(span, "this medium"),
+            None => diagnostic,
+        });
+    }
+    if is_multiple(scene) {
+        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
+    }
+}
+
+/// Why it cannot draw a scene.
+pub(super) fn refusal(scene: &FieldScene, options: &Options) -> Option<String> {
+    let mut found = Diagnostics::default();
+    if scene.splats.is_empty() {
+        refuse(scene, options, &mut found);
+    } else {
+        files::refuse(scene, &mut found);
+    }
+    super::reason(&found)
 }
