@@ -111,13 +111,14 @@ fn backend(
     let mut ledger = Ledger::default();
     note_features(scene, &lowered, &mut ledger);
     let mut optimised = passes::optimise(&lowered, &mut ledger);
-    let forecasts = backends::forecasts(&optimised, options);
+    let mut forecasts = backends::forecasts(&optimised, options);
     let wanted = match lowered.render.backend {
-        Backend::Auto => backends::choose(&forecasts, lowered.render.accuracy),
+        Backend::Auto => backends::choose(&forecasts, &lowered.render),
         asked => asked,
     };
     let entry = REGISTRY.iter().find(|entry| entry.backend == wanted).expect("every backend is registered");
     let (kernels, plan) = (entry.build)(&mut optimised, options, &mut ledger, diagnostics)?;
+    backends::settle(&mut forecasts, &plan, &lowered);
     Some(Program { forecasts, ..Program::new((lowered, optimised), kernels, plan, ledger) })
 }
 

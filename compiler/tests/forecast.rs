@@ -1,7 +1,7 @@
 //! What backends are predicted to need, and which of them `backend = auto` takes.
 
 use compiler::backends::{REGISTRY, choose};
-use compiler::ir::Backend;
+use compiler::ir::{Backend, RenderInfo};
 use compiler::loader::NoFiles;
 use compiler::program::{Forecast, Outcome, Program, print_forecasts};
 use compiler::{Options, compile};
@@ -18,7 +18,7 @@ fn program(text: &str, options: &Options) -> Program {
 
 fn drawn(forecast: &Forecast) -> (f64, f64, f64) {
     match forecast.outcome {
-        Outcome::Drawn { pieces, milliseconds, error } => (pieces, milliseconds, error),
+        Outcome::Drawn { pieces, milliseconds, error, .. } => (pieces, milliseconds, error),
         Outcome::Refused(ref why) => panic!("{}: {why}", forecast.word),
     }
 }
@@ -59,11 +59,17 @@ fn heavier_fields_take_longer() {
 }
 
 #[test]
-fn a_number_that_is_asked_for_is_kept_and_not_taken_if_it_is_too_small() {
-    let p = program(WAVES, &Options { slices: Some(3), splats: Some(64), ..Options::default() });
-    let pieces = p.forecasts.iter().map(|f| drawn(f).0.round()).collect::<Vec<_>>();
-    assert_eq!(pieces[1..], [3.0, 64.0]);
-    assert_eq!(p.plan.backend, "raymarch");
+fn numbers_that_are_asked_for_are_kept() {
+    let asked = |options: Options| {
+        let p = program(WAVES, &options);
+        (p.plan.backend, p.forecasts.iter().map(|f| drawn(f).0.round()).collect::<Vec<_>>())
+    };
+    // Steps mean the ray marcher, however few.
+    let (backend, pieces) = asked(Options { steps: Some(7), ..Options::default() });
+    assert_eq!((backend, pieces[0]), ("raymarch", 7.0));
+    // So few slabs and Gaussians are predicted not to do, fast as they are.
+    let (backend, pieces) = asked(Options { slices: Some(3), splats: Some(64), ..Options::default() });
+    assert_eq!((backend, &pieces[1..]), ("raymarch", &[3.0, 64.0][..]));
 }
 
 #[test]
@@ -96,17 +102,22 @@ fn closed_forms_need_no_pieces() {
     assert!(print_forecasts(&p.forecasts, "raymarch").starts_with("  * raymarch  closed forms, "));
 }
 
+/// What a scene asks of its drawing that says nothing but an accuracy.
+fn render() -> RenderInfo {
+    program(WAVES, &Options { accuracy: Some(1e-3), ..Options::default() }).lowered.render
+}
+
 #[test]
 fn where_none_is_good_enough_the_marcher_says_so() {
     let lost = |backend| Forecast {
         backend,
         word: "",
-        outcome: Outcome::Drawn { pieces: 1.0, milliseconds: 1.0, error: 1.0 },
+        outcome: Outcome::Drawn { pieces: 1.0, of: "slabs", milliseconds: 1.0, error: 1.0 },
     };
     let refused = |backend| Forecast { backend, word: "", outcome: Outcome::Refused("it cannot".into()) };
-    assert_eq!(choose(&[lost(Backend::Raymarch), lost(Backend::Slicing)], 1e-3), Backend::Raymarch);
-    assert_eq!(choose(&[refused(Backend::Raymarch), lost(Backend::Splatting)], 1e-3), Backend::Splatting);
-    assert_eq!(choose(&[refused(Backend::Raymarch), refused(Backend::Slicing)], 1e-3), Backend::Raymarch);
+    assert_eq!(choose(&[lost(Backend::Raymarch), lost(Backend::Slicing)], &render()), Backend::Raymarch);
+    assert_eq!(choose(&[refused(Backend::Raymarch), lost(Backend::Splatting)], &render()), Backend::Splatting);
+    assert_eq!(choose(&[refused(Backend::Raymarch), refused(Backend::Slicing)], &render()), Backend::Raymarch);
 }
 
 #[test]
@@ -114,8 +125,9 @@ fn another_backend_is_taken_if_it_is_twice_as_fast() {
     let takes = |backend, milliseconds| Forecast {
         backend,
         word: "",
-        outcome: Outcome::Drawn { pieces: 1.0, milliseconds, error: 1e-3 },
+        outcome: Outcome::Drawn { pieces: 1.0, of: "slabs", milliseconds, error: 1e-3 },
     };
-    let taken = |slicing| choose(&[takes(Backend::Raymarch, 10.0), takes(Backend::Slicing, slicing)], 1e-3);
+    let render = render();
+    let taken = |slicing| choose(&[takes(Backend::Raymarch, 10.0), takes(Backend::Slicing, slicing)], &render);
     assert_eq!((taken(6.0), taken(4.0)), (Backend::Raymarch, Backend::Slicing));
 }

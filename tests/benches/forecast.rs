@@ -138,7 +138,7 @@ fn main() {
             let node = rungs.last().map_or(f64::NAN, |r| 1e6 * r.milliseconds / r.pieces.powi(3));
             rates.push([weight, ray, slope, first.exp(), -order, node]);
             let told = &session.program().forecasts;
-            if let Some(Outcome::Drawn { pieces, milliseconds, error }) =
+            if let Some(Outcome::Drawn { pieces, milliseconds, error, .. }) =
                 told.iter().find(|f| f.backend == entry.backend).map(|f| &f.outcome)
             {
                 println!("  {:9} predicted: {pieces:.0} pieces, {milliseconds:.1} ms, error {error:.1e}", entry.word);

@@ -18,9 +18,10 @@
 
 use super::{Entry, REGISTRY};
 use crate::Options;
-use crate::ir::{Backend, FieldScene, Filter, Graph, NodeId, Op, Scattering, Tier, Unary, free_variables};
+use crate::ir::{Backend, FieldScene, Filter, Graph, NodeId, Op, RenderInfo, Scattering, Tier, Unary, free_variables};
 use crate::passes::is_zero;
-use crate::program::{Forecast, Outcome};
+use crate::program::{Forecast, Outcome, Plan, StepRule};
+use crate::transport::is_multiple;
 
 /// What a backend takes, in nanoseconds, and what it leaves. Those of all backends stand in [`REGISTRY`].
 #[derive(Copy, Clone, Debug)]
@@ -50,6 +51,11 @@ const UNIT: f64 = 0.015;
 const LOOK: f64 = 70.0;
 /// Nanoseconds for a splat of a file: projected, put in order and in lists, blended.
 const SPLAT: f64 = 1500.0;
+/// Nanoseconds of a random path, fields apart, and how often one evaluates them.
+const PATH: f64 = 5000.0;
+const FLIGHTS: f64 = 60.0;
+/// What is left of an error where no rule leaves one, as a share of white.
+const ROUNDING: f64 = 1e-6;
 /// By how much another backend must be faster than the ray marcher.
 const MARGIN: f64 = 2.0;
 
@@ -137,7 +143,13 @@ fn drawn(entry: &Entry, scene: &FieldScene, (rays, field, closed): (f64, f64, bo
         // Media between them are integrated as by the ray marcher, in no more pieces than splats lie on a ray.
         let pieces: f64 = scene.splats.iter().map(|s| f64::from(s.header.count)).sum();
         let milliseconds = (rays * (rates.ray + field) + pieces * SPLAT) / 1e6;
-        return Outcome::Drawn { pieces, milliseconds, error: render.accuracy };
+        return Outcome::Drawn { pieces, of: "splats of files", milliseconds, error: render.accuracy };
+    }
+    if is_multiple(scene) {
+        // The standard error falls with the root of their number, from about that of white.
+        let pieces = render.samples.map_or_else(|| (1.0 / render.accuracy.max(1e-6)).powi(2), f64::from);
+        let milliseconds = rays * pieces * (PATH + FLIGHTS * field) / 1e6;
+        return Outcome::Drawn { pieces, of: "paths a pixel", milliseconds, error: pieces.max(1.0).powf(-0.5) };
     }
     // Pieces along a ray: what is asked for, or what the accuracy needs.
     let asked = match backend {
@@ -152,27 +164,43 @@ fn drawn(entry: &Entry, scene: &FieldScene, (rays, field, closed): (f64, f64, bo
     let piece = rates.piece + if rates.looks { field } else { 0.0 };
     let nodes = along.powi(3) * (rates.node + rates.seen * field);
     let nanoseconds = redrawn * (rays * (rates.ray + along * piece) + nodes);
-    let pieces = match backend {
-        _ if exact => 0.0,
-        Backend::Auto | Backend::Raymarch | Backend::Slicing => along,
-        Backend::Splatting => along.powi(3),
+    let (pieces, of) = match backend {
+        Backend::Auto | Backend::Raymarch => (along, "samples a ray"),
+        Backend::Slicing => (along, "slabs"),
+        Backend::Splatting => (along.powi(3), "Gaussians"),
     };
-    // What is left of an error where there is no rule that could leave one: rounding.
-    let error = if exact { 1e-6 } else { rates.first * along.powf(-rates.order) };
-    Outcome::Drawn { pieces, milliseconds: nanoseconds / 1e6, error }
+    let pieces = if exact { 0.0 } else { pieces };
+    let error = if exact { ROUNDING } else { rates.first * along.powf(-rates.order) };
+    Outcome::Drawn { pieces, of, milliseconds: nanoseconds / 1e6, error }
 }
 
-/// The fastest of those that are predicted to keep the accuracy, the ray marcher's time counted half. Where none is, the first that can
-/// draw the scene at all; where none can, the ray marcher, which says why.
+/// Corrects what was predicted of the backend that was taken, where building it found closed forms for everything.
+pub fn settle(forecasts: &mut [Forecast], plan: &Plan, scene: &FieldScene) {
+    if !scene.splats.is_empty() {
+        return;
+    }
+    let taken = REGISTRY.iter().zip(forecasts).find(|(entry, _)| entry.word == plan.backend);
+    if let (Some((entry, forecast)), StepRule::Closed) = (taken, plan.steps) {
+        let rays = f64::from(scene.image.size[0]) * f64::from(scene.image.size[1]);
+        let milliseconds = rays * (entry.rates.ray + entry.rates.piece) / 1e6;
+        forecast.outcome = Outcome::Drawn { pieces: 0.0, of: "", milliseconds, error: ROUNDING };
+    }
+}
+
+/// The fastest of those that are predicted to keep the accuracy, the ray marcher's time counted half. A number of steps that is asked
+/// for stands in the place of the accuracy and means the ray marcher. Where none is good enough, the first that can draw the scene at
+/// all; where none can, the ray marcher, which says why.
 #[must_use]
-pub fn choose(forecasts: &[Forecast], accuracy: f64) -> Backend {
+pub fn choose(forecasts: &[Forecast], render: &RenderInfo) -> Backend {
     let mut best: Option<(Backend, f64)> = None;
     let mut able = None;
     for forecast in forecasts {
         let Outcome::Drawn { milliseconds, error, .. } = forecast.outcome else { continue };
         able = able.or(Some(forecast.backend));
-        let time = if forecast.backend == Backend::Raymarch { milliseconds / MARGIN } else { milliseconds };
-        if error <= 1.001 * accuracy && best.is_none_or(|b| time < b.1) {
+        let marches = forecast.backend == Backend::Raymarch;
+        let time = if marches { milliseconds / MARGIN } else { milliseconds };
+        let fits = if render.steps.is_some() { marches } else { error <= 1.001 * render.accuracy };
+        if fits && best.is_none_or(|b| time < b.1) {
             best = Some((forecast.backend, time));
         }
     }

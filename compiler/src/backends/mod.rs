@@ -10,7 +10,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::ir::{Backend, FieldScene};
 use crate::program::{Ledger, Plan, kernel::Kernel};
 
-pub use forecast::{Rates, choose, field_weight, forecasts};
+pub use forecast::{Rates, choose, field_weight, forecasts, settle};
 
 /// The message of the first finding.
 fn reason(found: &Diagnostics) -> Option<String> {

@@ -19,8 +19,10 @@ pub struct Forecast {
 pub enum Outcome {
     /// It can draw the scene.
     Drawn {
-        /// How many pieces of its own kind: samples on a ray that meets media, slabs, or Gaussians; 0 where closed forms do.
+        /// How many pieces; 0 where closed forms do.
         pieces: f64,
+        /// What they are: samples on a ray that meets media, paths of a pixel, slabs, Gaussians.
+        of: &'static str,
         /// Of drawing, on the machine on which the rates were measured, if media filled the picture.
         milliseconds: f64,
         /// The largest error, as a share of display white.
@@ -28,17 +30,6 @@ pub enum Outcome {
     },
     /// It cannot, for this reason.
     Refused(String),
-}
-
-impl Forecast {
-    /// What the pieces are.
-    fn pieces(&self) -> &'static str {
-        match self.backend {
-            Backend::Auto | Backend::Raymarch => "samples a ray",
-            Backend::Slicing => "slabs",
-            Backend::Splatting => "Gaussians",
-        }
-    }
 }
 
 /// A line for each backend, the one that was taken marked.
@@ -49,12 +40,11 @@ pub fn print_forecasts(forecasts: &[Forecast], taken: &str) -> String {
         let mark = if forecast.word == taken { "*" } else { " " };
         let _ = write!(out, "  {mark} {:<10}", forecast.word);
         let _ = match &forecast.outcome {
-            Outcome::Drawn { pieces, milliseconds, error } if *pieces == 0.0 => {
+            Outcome::Drawn { pieces, milliseconds, error, .. } if *pieces == 0.0 => {
                 writeln!(out, "closed forms, {milliseconds:.1} ms, error {error:.1e} of white")
             }
-            Outcome::Drawn { pieces, milliseconds, error } => {
-                let what = forecast.pieces();
-                writeln!(out, "{pieces:.0} {what}, {milliseconds:.1} ms, error {error:.1e} of white")
+            Outcome::Drawn { pieces, of, milliseconds, error } => {
+                writeln!(out, "{pieces:.0} {of}, {milliseconds:.1} ms, error {error:.1e} of white")
             }
             Outcome::Refused(why) => writeln!(out, "{why}"),
         };

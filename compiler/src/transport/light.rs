@@ -34,6 +34,8 @@ pub(super) struct InScattered {
     pub(super) work: Option<u32>,
     /// Whether the function takes the optical depth that the rounding of its place may make.
     pub(super) unsure: bool,
+    /// Whether it takes the extinction there of the media whose depths are kept.
+    pub(super) k_open: bool,
 }
 
 impl InScattered {
@@ -95,6 +97,8 @@ struct Gathered {
     error: Option<LocalId>,
     /// How much optical depth the rounding of the place may make, where that is counted.
     unsure: Option<Expr>,
+    /// Extinction there of the media whose depths are kept.
+    k_open: Option<Expr>,
     work: Option<LocalId>,
 }
 
@@ -450,7 +454,7 @@ impl Tracer<'_> {
     ) {
         let mut through = None;
         if let Some(cache) = self.cache.clone() {
-            let (depth, off) = self.look_up(code, &cache, p, sample);
+            let (depth, off) = self.look_up(code, &cache, p, sample, into.k_open.as_ref());
             let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
             self.count_unsure(code, into, most, (&depth, &t), Some(off));
             through = Some(widen(t, dw, lw));
@@ -530,6 +534,7 @@ impl Tracer<'_> {
             .then(|| code.var("error", Ty::F32, 0.0)),
             alternating,
             unsure: None,
+            k_open: None,
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
         }
     }
@@ -537,7 +542,7 @@ impl Tracer<'_> {
     /// Returns the sums, with error and work where they are kept.
     fn return_sums(&mut self, mut code: Code, name: &str, gathered: &Gathered, values: Vec<Expr>) -> InScattered {
         let lw = self.scene.light_width;
-        let unsure = gathered.unsure.is_some();
+        let (unsure, k_open) = (gathered.unsure.is_some(), gathered.k_open.is_some());
         for (number, alternating) in &gathered.alternating {
             let Some(error) = gathered.error else { continue };
             // Half the samples of a sky alone would be wrong by about half this difference, all of them by less. A disc is cut by
@@ -552,7 +557,7 @@ impl Tracer<'_> {
             let result = Ty::float(lw);
             code.return_(values.into_iter().next().unwrap_or(Expr::F32(0.0)));
             let function = self.builder.add_function(code.finish(Some(result)));
-            return InScattered { function, result, many, error: None, work: None, unsure };
+            return InScattered { function, result, many, error: None, work: None, unsure, k_open };
         }
         let mut fields: Vec<(String, Ty)> = (0..count).map(|i| (format!("light_{i}"), Ty::float(lw))).collect();
         let mut values = values;
@@ -567,7 +572,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct(name, fields);
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        InScattered { function, result, many, error: place[0], work: place[1], unsure }
+        InScattered { function, result, many, error: place[0], work: place[1], unsure, k_open }
     }
 
     /// Writes `in_scattered`, if some medium scatters light of some light.
@@ -582,6 +587,8 @@ impl Tracer<'_> {
         let mut gathered = self.declare_sums(&mut code, functions.len());
         if gathered.error.is_some() && (self.shadow.is_some() || self.cache.is_some()) {
             gathered.unsure = Some(code.parameter("unsure", Ty::F32));
+            let wide = Ty::float(self.scene.depth_width);
+            gathered.k_open = self.cache.is_some().then(|| code.parameter("k_open", wide));
         }
         let means = self.scene.phases.iter().map(|f| f.mean_cosine);
         let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });

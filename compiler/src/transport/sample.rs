@@ -21,6 +21,8 @@ pub(super) struct Sampled {
 /// Sums over the media that are here.
 pub(super) struct Sums {
     pub(super) extinction: Option<LocalId>,
+    /// Of the media whose depths towards lights are kept, where that is not all.
+    k_open: Option<LocalId>,
     pub(super) source: Option<LocalId>,
     /// By phase function.
     pub(super) scattering: Vec<LocalId>,
@@ -103,9 +105,16 @@ impl Tracer<'_> {
         let count = if scatters { self.scene.phases.len() } else { 0 };
         let scattering: Vec<LocalId> =
             (0..count).map(|i| code.var(&format!("k_s_{tag}_{i}"), Ty::float(lw), zero(lw))).collect();
+        let told = scatters && self.in_scattered.as_ref().is_some_and(|l| l.k_open);
+        let open: Vec<u32> = media.iter().map(|m| m.matter).filter(|m| self.open_depth(m)).map(|m| m.index).collect();
+        let closed = media.iter().any(|m| m.matter.extinction.is_some() && !open.contains(&m.matter.index));
+        let k_open = (told && closed).then(|| code.var(&format!("k_open_{tag}"), Ty::float(dw), zero(dw)));
         let all: Vec<&Medium<'_>> = media.iter().collect();
         self.each_part(code, ray, state, &all, (&p, t), &mut |code, matter, part| {
             if let (Some(total), Some(value)) = (extinction, part.extinction) {
+                if let Some(k_open) = k_open.filter(|_| open.contains(&matter.index)) {
+                    code.add(k_open, value.clone());
+                }
                 code.add(total, value);
             }
             if let (Some(total), Some(value)) = (source, part.emission) {
@@ -115,7 +124,7 @@ impl Tracer<'_> {
                 code.add(*total, value);
             }
         });
-        Sums { extinction, source, scattering }
+        Sums { extinction, k_open, source, scattering }
     }
 
     /// Adds k_s times the in-scattered light of each phase function to the source.
@@ -143,6 +152,10 @@ impl Tracer<'_> {
             let place = largest(p.clone().abs(), 3) + largest(ray.origin.clone().abs(), 3);
             let dense = sums.extinction.map_or(Expr::F32(0.0), |k| largest(k.into(), dw));
             arguments.push((dense * (place * PLACE)).min(1e30));
+        }
+        if lights.k_open {
+            let known = sums.k_open.or(sums.extinction).map(Expr::Local);
+            arguments.push(known.unwrap_or_else(|| Expr::F32(0.0).splat(dw)));
         }
         let gathered = code.bind("in_scattered", lights.result, Expr::Call(lights.function, arguments));
         for (i, k_s) in scattering.iter().enumerate() {
