@@ -1,6 +1,6 @@
 //! Layers under the sun (`suite/slabs/*.vol`), all orders of scattering, against theory that is computed here by other means: no
-//! random number, no ray. Both engines, to their own standard error, which is at most 0.3 % over all the rays of a scene (the
-//! reference in the deep layer: 0.6 %), and the error of the theory, which the first test finds.
+//! random number, no ray. Both engines, to their own standard error, which is at most 0.3 % over all the rays of a scene, and the
+//! error of the theory, which the first test finds.
 
 use compiler::Options;
 use runtime::frame::EngineChoice;
