@@ -118,11 +118,13 @@ impl Types {
         }
     }
 
-    /// The handle of a runtime-sized array of a type.
-    pub(super) fn array(&self, module: &mut Module, element: Ty) -> Handle<Type> {
+    /// The handle of an array of a type, of a length that is known when it is bound unless it is given.
+    pub(super) fn array(&self, module: &mut Module, element: Ty, length: Option<u32>) -> Handle<Type> {
         let (size, alignment) = self.layout(element);
         let base = self.get(module, element);
-        let inner = TypeInner::Array { base, size: naga::ArraySize::Dynamic, stride: size.next_multiple_of(alignment) };
+        let length = length.and_then(std::num::NonZeroU32::new);
+        let length = length.map_or(naga::ArraySize::Dynamic, naga::ArraySize::Constant);
+        let inner = TypeInner::Array { base, size: length, stride: size.next_multiple_of(alignment) };
         module.types.insert(Type { name: None, inner }, Span::UNDEFINED)
     }
 

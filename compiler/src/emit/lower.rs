@@ -117,11 +117,11 @@ impl Lowering<'_> {
             let (space, ty) = match r.kind {
                 ResourceKind::Uniform(s) => (AddressSpace::Uniform, self.types.get(&mut self.module, Ty::Struct(s))),
                 ResourceKind::ReadBuffer(ty) => {
-                    (storage(naga::StorageAccess::LOAD), self.types.array(&mut self.module, ty))
+                    (storage(naga::StorageAccess::LOAD), self.types.array(&mut self.module, ty, None))
                 }
                 ResourceKind::WriteBuffer(ty) => {
                     let access = naga::StorageAccess::LOAD | naga::StorageAccess::STORE;
-                    (storage(access), self.types.array(&mut self.module, ty))
+                    (storage(access), self.types.array(&mut self.module, ty, None))
                 }
                 ResourceKind::Texture3d(prim) => {
                     let dim = naga::ImageDimension::D3;
@@ -131,11 +131,21 @@ impl Lowering<'_> {
                     let dim = naga::ImageDimension::D2;
                     (AddressSpace::Handle, self.types.texture(&mut self.module, Prim::F32, dim))
                 }
+                ResourceKind::Workgroup(ty, length) => {
+                    (AddressSpace::WorkGroup, self.types.array(&mut self.module, ty, Some(length)))
+                }
             };
             let global = naga::GlobalVariable {
                 name: Some(self.names.unique(&r.name)),
                 space,
-                binding: Some(ResourceBinding { group: 0, binding: binding as u32 }),
+                binding: match r.kind {
+                    ResourceKind::Workgroup(..) => None,
+                    ResourceKind::Uniform(_)
+                    | ResourceKind::ReadBuffer(_)
+                    | ResourceKind::WriteBuffer(_)
+                    | ResourceKind::Texture3d(_)
+                    | ResourceKind::Texture2d => Some(ResourceBinding { group: 0, binding: binding as u32 }),
+                },
                 ty,
                 init: None,
                 memory_decorations: naga::MemoryDecorations::empty(),
@@ -157,6 +167,8 @@ impl Lowering<'_> {
         for builtin in &indices {
             let (name, width) = match builtin {
                 BuiltIn::GlobalInvocationId => ("global_id", 3),
+                BuiltIn::WorkGroupId => ("group_id", 3),
+                BuiltIn::LocalInvocationIndex => ("local_index", 1),
                 BuiltIn::VertexIndex => ("vertex_index", 1),
                 _ => ("instance_index", 1),
             };
@@ -207,7 +219,7 @@ impl Lowering<'_> {
     fn uniform(&self) -> Option<(usize, usize)> {
         self.kernel.resources.iter().enumerate().find_map(|(i, r)| match r.kind {
             ResourceKind::Uniform(s) => Some((i, self.kernel.structs[s as usize].fields.len())),
-            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => None,
+            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) | ResourceKind::Workgroup(..) => None,
             ResourceKind::Texture3d(_) | ResourceKind::Texture2d => None,
         })
     }
@@ -272,7 +284,7 @@ impl FunctionLowering<'_, '_> {
                 }
                 Stmt::Loop(body) => self.forget_assigned(body),
                 Stmt::Let(..) | Stmt::Var(..) | Stmt::Store { .. } => {}
-                Stmt::Break | Stmt::Continue | Stmt::Return(_) => {}
+                Stmt::Break | Stmt::Continue | Stmt::Return(_) | Stmt::Barrier => {}
             }
         }
     }
@@ -337,6 +349,7 @@ impl FunctionLowering<'_, '_> {
                 let pointer = self.body.add(Expression::Access { base, index }, &[base, index]);
                 self.body.push(Statement::Store { pointer, value });
             }
+            Stmt::Barrier => self.body.push(Statement::ControlBarrier(naga::Barrier::WORK_GROUP)),
         }
         self.name_shared();
         Ok(())
@@ -378,7 +391,8 @@ impl FunctionLowering<'_, '_> {
                 let pointer = self.element(*buffer, index)?;
                 Ok(self.load(pointer, name))
             }
-            Expr::Argument(_) | Expr::GlobalId | Expr::VertexIndex | Expr::InstanceIndex => self.expr(e),
+            Expr::Argument(_) | Expr::GlobalId | Expr::GroupId | Expr::LocalIndex => self.expr(e),
+            Expr::VertexIndex | Expr::InstanceIndex => self.expr(e),
             Expr::Unary(..) | Expr::Binary(..) | Expr::Math(..) | Expr::Compose(..) | Expr::Splat(..) => {
                 self.bind_value(e, name)
             }
@@ -427,6 +441,8 @@ impl FunctionLowering<'_, '_> {
             Expr::Local(id) => self.local(*id)?,
             Expr::Argument(i) => self.arguments[*i as usize],
             Expr::GlobalId => self.index(BuiltIn::GlobalInvocationId),
+            Expr::GroupId => self.index(BuiltIn::WorkGroupId),
+            Expr::LocalIndex => self.index(BuiltIn::LocalInvocationIndex),
             Expr::VertexIndex => self.index(BuiltIn::VertexIndex),
             Expr::InstanceIndex => self.index(BuiltIn::InstanceIndex),
             Expr::Uniform(i) => self.uniform(*i)?,
@@ -562,7 +578,7 @@ impl FunctionLowering<'_, '_> {
     fn uniform_name(&mut self, field: u32) -> String {
         let wanted = self.of.kernel.resources.iter().find_map(|r| match r.kind {
             ResourceKind::Uniform(s) => Some(self.of.field_names[s as usize][field as usize].as_str()),
-            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => None,
+            ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) | ResourceKind::Workgroup(..) => None,
             ResourceKind::Texture3d(_) | ResourceKind::Texture2d => None,
         });
         self.of.names.unique(wanted.unwrap_or("uniform_value"))
@@ -688,6 +704,8 @@ fn indices(body: &[Stmt]) -> Vec<BuiltIn> {
     crate::program::expressions(body, &mut |e| {
         let builtin = match e {
             Expr::GlobalId => BuiltIn::GlobalInvocationId,
+            Expr::GroupId => BuiltIn::WorkGroupId,
+            Expr::LocalIndex => BuiltIn::LocalInvocationIndex,
             Expr::VertexIndex => BuiltIn::VertexIndex,
             Expr::InstanceIndex => BuiltIn::InstanceIndex,
             _ => return,

@@ -5,7 +5,7 @@ use crate::ir::{Graph, GridId, MeshId, NodeId, TableId, Type};
 use crate::program::kernel::{
     Carries, Expr, Function, FunctionId, Kernel, Local, LocalId, Resource, ResourceKind, Stage, Stmt, Struct, Ty,
 };
-use crate::program::{Binding, BricksPart, FrameValue, UniformLayout, UniformSource, texture_prim};
+use crate::program::{Binding, BricksPart, FrameValue, SortBuffer, UniformLayout, UniformSource, texture_prim};
 use crate::source::Span;
 use rustc_hash::FxHashMap;
 
@@ -65,6 +65,10 @@ impl KernelBuilder {
             FrameValue::ListEdge => ("list_edge", 1, true),
             FrameValue::Round => ("round_number", 1, true),
             FrameValue::RoundCount => ("round_count", 1, true),
+            FrameValue::SortCount => ("sort_count", 1, true),
+            FrameValue::SortWord => ("sort_word", 1, true),
+            FrameValue::SortShift => ("sort_shift", 1, true),
+            FrameValue::ScanLength => ("scan_length", 1, true),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
     }
@@ -167,6 +171,41 @@ impl KernelBuilder {
     /// The order in which splats are drawn.
     pub fn order(&mut self) -> u32 {
         self.resource("order", ResourceKind::ReadBuffer(Ty::U32), Binding::Order)
+    }
+
+    /// Keys of what is to be sorted, to be written.
+    pub fn keys(&mut self) -> u32 {
+        self.resource("keys", ResourceKind::WriteBuffer(Ty::U32), Binding::Keys)
+    }
+
+    /// The same, to be read.
+    pub fn keys_read(&mut self) -> u32 {
+        self.resource("keys_read", ResourceKind::ReadBuffer(Ty::U32), Binding::KeysRead)
+    }
+
+    /// What a pass of a sort reads or writes.
+    pub fn sorting(&mut self, buffer: SortBuffer) -> u32 {
+        let (name, kind) = match buffer {
+            SortBuffer::KeysFrom => ("keys_from", ResourceKind::ReadBuffer(Ty::U32)),
+            SortBuffer::NumbersFrom => ("numbers_from", ResourceKind::ReadBuffer(Ty::U32)),
+            SortBuffer::KeysTo => ("keys_to", ResourceKind::WriteBuffer(Ty::U32)),
+            SortBuffer::NumbersTo => ("numbers_to", ResourceKind::WriteBuffer(Ty::U32)),
+        };
+        self.resource(name, kind, Binding::Sorting(buffer))
+    }
+
+    /// Tallies of workgroups.
+    pub fn tallies(&mut self) -> u32 {
+        self.resource("tallies", ResourceKind::WriteBuffer(Ty::U32), Binding::Tallies)
+    }
+
+    /// Numbers that a workgroup shares; the same name is the same memory.
+    pub fn workgroup(&mut self, name: &str, length: u32) -> u32 {
+        let same = |r: &&(Resource, Binding)| matches!(r.1, Binding::Workgroup(_)) && r.0.name == name;
+        let found = self.resources.iter().find(same).map(|r| r.1);
+        let all = self.resources.iter().filter(|r| matches!(r.1, Binding::Workgroup(_))).count();
+        let binding = found.unwrap_or(Binding::Workgroup(all as u32));
+        self.resource(name, ResourceKind::Workgroup(Ty::U32, length), binding)
     }
 
     /// Splats of files as the picture shows them.
@@ -389,6 +428,11 @@ impl Code {
     /// `buffer[index] = value`
     pub fn store(&mut self, buffer: u32, index: Expr, value: Expr) {
         self.push(Stmt::Store { buffer, index, value });
+    }
+
+    /// Waits for the workgroup.
+    pub fn barrier(&mut self) {
+        self.push(Stmt::Barrier);
     }
 
     fn block(&mut self, write: impl FnOnce(&mut Self)) -> Vec<Stmt> {

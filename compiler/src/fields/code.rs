@@ -336,6 +336,8 @@ fn is_atom(value: &Expr) -> bool {
             | Expr::Argument(_)
             | Expr::Uniform(_)
             | Expr::GlobalId
+            | Expr::GroupId
+            | Expr::LocalIndex
             | Expr::VertexIndex
             | Expr::InstanceIndex
     )

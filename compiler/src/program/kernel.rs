@@ -98,6 +98,9 @@ pub enum ResourceKind {
     Texture3d(Prim),
     /// `texture_2d<f32>`: what fragments were blended into.
     Texture2d,
+    /// `var<workgroup> array<T, N>`: memory that the invocations of a workgroup share. Nothing is bound to it, and it begins
+    /// as anything: what is read has been written before.
+    Workgroup(Ty, u32),
 }
 
 /// A local of a function.
@@ -162,6 +165,21 @@ impl Kernel {
             Stage::Vertex | Stage::Fragment => [1; 3],
         }
     }
+
+    /// Bytes that the invocations of a workgroup may share.
+    #[must_use]
+    pub fn shared_bytes(&self) -> u64 {
+        let bytes = self.resources.iter().map(|r| match r.kind {
+            ResourceKind::Workgroup(Ty::Value(_, width), length) => 4 * u64::from(width) * u64::from(length),
+            ResourceKind::Workgroup(Ty::Struct(_), _)
+            | ResourceKind::Uniform(_)
+            | ResourceKind::ReadBuffer(_)
+            | ResourceKind::WriteBuffer(_)
+            | ResourceKind::Texture3d(_)
+            | ResourceKind::Texture2d => 0,
+        });
+        bytes.sum()
+    }
 }
 
 /// A statement.
@@ -185,13 +203,16 @@ pub enum Stmt {
     Return(Option<Expr>),
     /// `buffer[index] = value`
     Store {
-        /// A [`ResourceKind::WriteBuffer`], by index of the resource.
+        /// A [`ResourceKind::WriteBuffer`] or [`ResourceKind::Workgroup`], by index of the resource.
         buffer: u32,
         /// u32.
         index: Expr,
         /// Of the element type.
         value: Expr,
     },
+    /// Waits for all invocations of the workgroup; what each has stored in memory of the workgroup before is seen by all after.
+    /// Only in the outermost block of the entry point of a compute kernel, where none has returned.
+    Barrier,
 }
 
 /// Unary operators.
@@ -278,6 +299,10 @@ pub enum Expr {
     Uniform(u32),
     /// `@builtin(global_invocation_id)`, vec3 of u32; in the entry point of a compute kernel only.
     GlobalId,
+    /// `@builtin(workgroup_id)`, vec3 of u32; likewise.
+    GroupId,
+    /// `@builtin(local_invocation_index)`, u32; likewise.
+    LocalIndex,
     /// `@builtin(vertex_index)`, u32; in the entry point of a vertex kernel only.
     VertexIndex,
     /// `@builtin(instance_index)`, u32; likewise.

@@ -216,6 +216,14 @@ pub enum FrameValue {
     Round,
     /// u32: how many there are
     RoundCount,
+    /// u32: how many things a sort puts in order
+    SortCount,
+    /// u32: which word of their keys it is at, the least significant being 0
+    SortWord,
+    /// u32: the first bit of its digit in that word
+    SortShift,
+    /// u32: how many of [`Binding::Tallies`] are summed up
+    ScanLength,
 }
 
 /// One field of the uniform block. Layout is WGSL's: offsets in bytes.
@@ -298,8 +306,19 @@ pub enum Binding {
     Splats,
     /// The same, only read.
     SplatsRead,
-    /// Numbers of nodes, the farthest first: array of u32.
+    /// What has been sorted, in its order: numbers of nodes, the farthest first. Array of u32.
     Order,
+    /// Keys of what is to be sorted: array of u32, word w of thing i of n at w·n + i, the least significant word first. Written to.
+    Keys,
+    /// The same, only read.
+    KeysRead,
+    /// What a pass of a sort reads and writes: array of u32 each, words of keys and numbers of things.
+    Sorting(SortBuffer),
+    /// How many keys of each workgroup have each value of a digit, digit by digit; then how many come before them. Or the sums of
+    /// something over workgroups, likewise. Array of u32.
+    Tallies,
+    /// Memory of a workgroup, to which nothing is bound, by a number of its own.
+    Workgroup(u32),
     /// Splats of files as this picture shows them: array of f32, each as [`FootprintShape`] says.
     Footprints,
     /// What a round of [`Pass::Rounds`] leaves for the next: array of f32, `Plan::carried` per invocation.
@@ -311,6 +330,57 @@ pub enum Binding {
     TileLists,
     /// A target of [`Plan::targets`], by its number: what was drawn into it.
     Target(u32),
+}
+
+/// Buffers that a pass of a sort goes from and to; the next pass goes back.
+#[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum SortBuffer {
+    /// Keys as the pass before left them, only read.
+    KeysFrom,
+    /// Numbers likewise.
+    NumbersFrom,
+    /// Keys in the order of this pass, written to.
+    KeysTo,
+    /// Numbers likewise.
+    NumbersTo,
+}
+
+/// A stable radix sort on the device, least significant digit first. For each digit of each word of the keys, in this order: `count`
+/// and `scatter` over workgroups that take [`SortPass::TAKES`] keys each, and between them one workgroup of `scan`. The first
+/// pass of a word reads [`Binding::KeysRead`] through the numbers that are in order so far, and the very first pass of all numbers them.
+///
+/// Workgroups of `count` and `scatter`, and of all that goes over as many things, stand in rows of [`SortPass::ROW`], for there
+/// may be more of them than a dispatch has along an axis.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct SortPass {
+    /// The kernel that counts the digits of each workgroup.
+    pub count: u32,
+    /// The one that sums up [`Binding::Tallies`].
+    pub scan: u32,
+    /// The one that puts keys and numbers where they belong.
+    pub scatter: u32,
+    /// u32 words of a key.
+    pub words: u32,
+}
+
+impl SortPass {
+    /// Bits of a digit.
+    pub const DIGIT: u32 = 4;
+    /// Invocations of a workgroup.
+    pub const THREADS: u32 = 256;
+    /// Keys that a workgroup takes.
+    pub const TAKES: u32 = 4096;
+    /// Workgroups in a row.
+    pub const ROW: u32 = 32768;
+    /// The key of what is not drawn: it comes last.
+    pub const LAST: u32 = u32::MAX;
+
+    /// Workgroups that take so many things each, along both axes.
+    #[must_use]
+    pub fn groups(count: u32, takes: u32) -> [u32; 2] {
+        let groups = count.div_ceil(takes);
+        [groups.min(Self::ROW), groups.div_ceil(Self::ROW)]
+    }
 }
 
 /// What is known of a splat of a file where the rays of a drawing meet it. A footprint covers α = |o|·exp(−½(u² + v²)) of what is behind
@@ -455,6 +525,13 @@ pub struct PlantPass {
     pub doubt: u32,
     /// f32 of a node in [`Binding::Splats`].
     pub stride: u32,
+    /// The one that runs after that, likewise, and gives each node its key: by depth, the farthest first, and [`SortPass::LAST`] for what is
+    /// not drawn.
+    pub rank: u32,
+    /// What puts them in order.
+    pub sort: SortPass,
+    /// One invocation, which puts into [`Binding::Tallies`] how many of the sorted keys are not [`SortPass::LAST`].
+    pub drawn: u32,
 }
 
 /// How steps are chosen.
@@ -547,6 +624,20 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// All kernels, in no particular order.
+    pub fn kernels(&self) -> impl Iterator<Item = u32> + '_ {
+        let plant = self.plant.iter().flat_map(|p| [p.kernel, p.doubt, p.rank, p.drawn]);
+        let sort = self.sort().into_iter().flat_map(|s| [s.count, s.scan, s.scatter]);
+        let fill = self.fill.as_ref().map(|f| f.kernel);
+        self.passes.iter().flat_map(Pass::kernels).chain(fill).chain(plant).chain(sort)
+    }
+
+    /// What puts splats in order on the device.
+    #[must_use]
+    pub fn sort(&self) -> Option<SortPass> {
+        self.plant.map(|p| p.sort)
+    }
+
     /// The output of this kind, if it was asked for.
     #[must_use]
     pub fn output(&self, kind: OutputKind) -> Option<Output> {

@@ -1,7 +1,8 @@
 //! Programs as text: `vol emit --target ir|graph|plan` and the omission ledger.
 
 use super::{
-    Binding, Blend, Extent, Geometry, Ledger, Pass, Plan, Program, RaySource, StepRule, UniformSource, print_forecasts,
+    Binding, Blend, Extent, Geometry, Ledger, Pass, Plan, Program, RaySource, SortBuffer, SortPass, StepRule,
+    UniformSource, print_forecasts,
 };
 use crate::ir::{FieldScene, Graph, LightKind, NodeId, Op, print};
 use crate::source::Sources;
@@ -168,7 +169,17 @@ pub fn print_plan(program: &Program) -> String {
             Binding::Outlines => "buffer of outlines, 3 f32 a vertex".into(),
             Binding::Splats => format!("buffer of splats, {} f32 each", plan.plant.map_or(0, |p| p.stride)),
             Binding::SplatsRead => "the same, only read".into(),
-            Binding::Order => "buffer of the numbers of splats, farthest first".into(),
+            Binding::Order => "buffer of the numbers of splats in their order".into(),
+            Binding::Keys => "buffer of the keys of splats, written".into(),
+            Binding::KeysRead => "the same, only read".into(),
+            Binding::Sorting(buffer) => match buffer {
+                SortBuffer::KeysFrom => "buffer of keys that a pass of the sort reads".into(),
+                SortBuffer::NumbersFrom => "buffer of numbers likewise".into(),
+                SortBuffer::KeysTo => "buffer of keys that it writes".into(),
+                SortBuffer::NumbersTo => "buffer of numbers likewise".into(),
+            },
+            Binding::Tallies => "buffer of tallies of digits".into(),
+            Binding::Workgroup(_) => "memory of a workgroup".into(),
             Binding::Footprints => {
                 format!("buffer of splats of files, {} f32 each", plan.footprints.map_or(0, |f| f.stride))
             }
@@ -198,10 +209,13 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "    {kernel} once, over {} nodes of the cache", fill.nodes);
     }
     if let Some(plant) = plan.plant {
-        for kernel in [plant.kernel, plant.doubt] {
+        for kernel in [plant.kernel, plant.doubt, plant.rank] {
             let name = &program.kernels[kernel as usize].name;
             let _ = writeln!(out, "    {name} once, over the nodes of the lattice");
         }
+        print_sort(&mut out, program, plant.sort, "nodes");
+        let name = &program.kernels[plant.drawn as usize].name;
+        let _ = writeln!(out, "    {name} once, in one invocation");
     }
     for pass in &plan.passes {
         let name = |kernel: &u32| &program.kernels[*kernel as usize].name;
@@ -236,6 +250,13 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "target {}: {} × f32, {blend}", target.name, target.channels);
     }
     out
+}
+
+fn print_sort(out: &mut String, program: &Program, sort: SortPass, what: &str) {
+    let [count, scan, scatter] = [sort.count, sort.scan, sort.scatter].map(|k| &program.kernels[k as usize].name);
+    let passes = sort.words * 32 / SortPass::DIGIT;
+    let _ =
+        writeln!(out, "    {count}, {scan} and {scatter} once for each of {passes} digits, over the keys of {what}");
 }
 
 /// The omission ledger: one line per thing left out, with the place that made it unneeded.

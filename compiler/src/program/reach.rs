@@ -19,7 +19,7 @@ pub(crate) fn expressions(block: &[Stmt], visit: &mut dyn FnMut(&Expr)) {
                 expression(index, visit);
                 expression(value, visit);
             }
-            Stmt::Break | Stmt::Continue | Stmt::Return(None) => {}
+            Stmt::Break | Stmt::Continue | Stmt::Return(None) | Stmt::Barrier => {}
         }
     }
 }
@@ -35,6 +35,8 @@ fn expression(value: &Expr, visit: &mut dyn FnMut(&Expr)) {
         | Expr::Argument(_)
         | Expr::Uniform(_)
         | Expr::GlobalId
+        | Expr::GroupId
+        | Expr::LocalIndex
         | Expr::VertexIndex
         | Expr::InstanceIndex => {}
         Expr::Unary(_, a)
@@ -65,7 +67,8 @@ fn stores(block: &[Stmt], visit: &mut dyn FnMut(u32)) {
                 stores(otherwise, visit);
             }
             Stmt::Loop(body) => stores(body, visit),
-            Stmt::Let(..) | Stmt::Var(..) | Stmt::Assign(..) | Stmt::Return(_) | Stmt::Break | Stmt::Continue => {}
+            Stmt::Let(..) | Stmt::Var(..) | Stmt::Assign(..) | Stmt::Return(_) => {}
+            Stmt::Break | Stmt::Continue | Stmt::Barrier => {}
         }
     }
 }
@@ -124,7 +127,7 @@ pub fn used_structs(kernel: &Kernel) -> Vec<bool> {
     for (resource, _) in kernel.resources.iter().zip(used_resources(kernel)).filter(|(_, used)| *used) {
         match resource.kind {
             ResourceKind::Uniform(i) => mark(Ty::Struct(i)),
-            ResourceKind::ReadBuffer(ty) | ResourceKind::WriteBuffer(ty) => mark(ty),
+            ResourceKind::ReadBuffer(ty) | ResourceKind::WriteBuffer(ty) | ResourceKind::Workgroup(ty, _) => mark(ty),
             ResourceKind::Texture3d(_) | ResourceKind::Texture2d => {}
         }
     }

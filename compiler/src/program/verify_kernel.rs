@@ -14,6 +14,9 @@ pub const MAX_EXPRESSION_DEPTH: u32 = 400;
 /// Blocks nested deeper than this are refused: WGSL allows 127 levels of braces.
 pub const MAX_BLOCK_DEPTH: u32 = 100;
 
+/// Bytes that the invocations of a workgroup may share: what WebGPU promises.
+const MAX_SHARED: u64 = 16 << 10;
+
 /// Checks a kernel against everything that its types promise.
 ///
 /// # Errors
@@ -55,9 +58,16 @@ pub fn verify(kernel: &Kernel) -> Result<(), String> {
                 shared(Ty::Struct(index))?;
             }
             ResourceKind::ReadBuffer(ty) | ResourceKind::WriteBuffer(ty) => shared(ty)?,
+            ResourceKind::Workgroup(Ty::Value(Prim::F32 | Prim::I32 | Prim::U32, 1), 1..) => {}
+            ResourceKind::Workgroup(..) => {
+                return Err(format!("memory `{}` of a workgroup holds some numbers, each of one component", r.name));
+            }
             ResourceKind::Texture3d(Prim::Bool) => return Err(format!("texture `{}` of bool", r.name)),
             ResourceKind::Texture3d(Prim::F32 | Prim::I32 | Prim::U32) | ResourceKind::Texture2d => {}
         }
+    }
+    if kernel.shared_bytes() > MAX_SHARED {
+        return Err(format!("a workgroup shares {} bytes, more than {MAX_SHARED}", kernel.shared_bytes()));
     }
     if uniforms > 1 {
         return Err("more than one uniform struct".into());
@@ -130,12 +140,14 @@ struct Checker<'a> {
     /// Locals in order of declaration, to end their scope with their block.
     declared: Vec<LocalId>,
     loops: u32,
+    /// Whether an invocation may have returned.
+    returned: bool,
 }
 
 impl<'a> Checker<'a> {
     fn new(kernel: &'a Kernel, function: &'a Function, index: usize, entry: bool) -> Self {
         let scope = vec![Scope::Unseen; function.locals.len()];
-        Self { kernel, function, index, entry, scope, declared: vec![], loops: 0 }
+        Self { kernel, function, index, entry, scope, declared: vec![], loops: 0, returned: false }
     }
 
     fn run(mut self) -> Result<(), String> {
@@ -209,7 +221,14 @@ impl<'a> Checker<'a> {
                 }
                 return Ok(true);
             }
+            Stmt::Barrier => {
+                let compute = matches!(self.kernel.stage, Stage::Compute(_));
+                if !self.entry || !compute || depth > 0 || self.returned {
+                    return Err("a barrier that not every invocation of a workgroup comes to".into());
+                }
+            }
             Stmt::Return(value) => {
+                self.returned = true;
                 match (value, self.function.result) {
                     (Some(value), Some(ty)) => self.expect(value, ty).map_err(|e| format!("return: {e}"))?,
                     (None, None) => {}
@@ -220,7 +239,9 @@ impl<'a> Checker<'a> {
             }
             Stmt::Store { buffer, index, value } => {
                 let resource = self.kernel.resources.get(*buffer as usize);
-                let Some((ResourceKind::WriteBuffer(ty), name)) = resource.map(|r| (r.kind, &r.name)) else {
+                let Some((ResourceKind::WriteBuffer(ty) | ResourceKind::Workgroup(ty, _), name)) =
+                    resource.map(|r| (r.kind, &r.name))
+                else {
                     return Err(format!("stores to resource {buffer}, which is not a write buffer"));
                 };
                 self.expect(index, Ty::U32).map_err(|e| format!("index into `{name}`: {e}"))?;
@@ -275,18 +296,21 @@ impl<'a> Checker<'a> {
             Expr::Uniform(i) => {
                 let uniform = self.kernel.resources.iter().find_map(|r| match r.kind {
                     ResourceKind::Uniform(s) => Some(s),
-                    ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => None,
+                    ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) | ResourceKind::Workgroup(..) => None,
                     ResourceKind::Texture3d(_) | ResourceKind::Texture2d => None,
                 });
                 let fields = uniform.map_or(&[][..], |s| &self.kernel.structs[s as usize].fields);
                 fields.get(*i as usize).map(|f| f.1).ok_or_else(|| format!("there is no uniform field {i}"))
             }
-            Expr::GlobalId | Expr::VertexIndex | Expr::InstanceIndex => match (e, self.kernel.stage) {
-                _ if !self.entry => Err("an index of the invocation is known to the entry point only".into()),
-                (Expr::GlobalId, Stage::Compute(_)) => Ok(Ty::Value(Prim::U32, 3)),
-                (Expr::VertexIndex | Expr::InstanceIndex, Stage::Vertex) => Ok(Ty::U32),
-                _ => Err("an index of the invocation that its stage does not have".into()),
-            },
+            Expr::GlobalId | Expr::GroupId | Expr::LocalIndex | Expr::VertexIndex | Expr::InstanceIndex => {
+                match (e, self.kernel.stage) {
+                    _ if !self.entry => Err("an index of the invocation is known to the entry point only".into()),
+                    (Expr::GlobalId | Expr::GroupId, Stage::Compute(_)) => Ok(Ty::Value(Prim::U32, 3)),
+                    (Expr::LocalIndex, Stage::Compute(_)) => Ok(Ty::U32),
+                    (Expr::VertexIndex | Expr::InstanceIndex, Stage::Vertex) => Ok(Ty::U32),
+                    _ => Err("an index of the invocation that its stage does not have".into()),
+                }
+            }
             Expr::Unary(op, a) => match (op, of(a)?) {
                 (UnaryOp::Neg, ty @ Ty::Value(Prim::F32 | Prim::I32, _))
                 | (UnaryOp::Not, ty @ Ty::Value(Prim::Bool, _)) => Ok(ty),
@@ -377,6 +401,7 @@ impl<'a> Checker<'a> {
                 same(Ty::U32, of(index)?, "an index should be", self.kernel)?;
                 match self.kernel.resources.get(*buffer as usize).map(|r| r.kind) {
                     Some(ResourceKind::ReadBuffer(ty) | ResourceKind::WriteBuffer(ty)) => Ok(ty),
+                    Some(ResourceKind::Workgroup(ty, _)) => Ok(ty),
                     _ => Err(format!("loads from resource {buffer}, which is not a buffer")),
                 }
             }
@@ -459,7 +484,7 @@ pub(crate) fn breaks(body: &[Stmt]) -> bool {
         Stmt::Break => true,
         Stmt::If(_, accept, reject) => breaks(accept) || breaks(reject),
         Stmt::Let(..) | Stmt::Var(..) | Stmt::Assign(..) | Stmt::Store { .. } => false,
-        Stmt::Loop(_) | Stmt::Continue | Stmt::Return(_) => false,
+        Stmt::Loop(_) | Stmt::Continue | Stmt::Return(_) | Stmt::Barrier => false,
     })
 }
 
@@ -472,7 +497,8 @@ fn returns(body: &[Stmt]) -> bool {
         Stmt::Return(_) => true,
         Stmt::If(_, accept, reject) => returns(accept) || returns(reject),
         Stmt::Loop(inner) => returns(inner),
-        Stmt::Let(..) | Stmt::Var(..) | Stmt::Assign(..) | Stmt::Store { .. } | Stmt::Break | Stmt::Continue => false,
+        Stmt::Let(..) | Stmt::Var(..) | Stmt::Assign(..) | Stmt::Store { .. } => false,
+        Stmt::Break | Stmt::Continue | Stmt::Barrier => false,
     })
 }
 

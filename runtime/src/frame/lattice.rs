@@ -1,8 +1,7 @@
-//! The lattice of splats around the media, and the order in which they are drawn.
+//! The lattice of splats around the media.
 
 use super::Vec3;
-use super::vector::{add, dot, sub};
-use rayon::prelude::*;
+use super::vector::{add, sub};
 
 /// Nodes by which the lattice is wider than the media on each side, so that Gaussians at its rim add up as inside.
 const RIM: f64 = 3.0;
@@ -16,14 +15,12 @@ pub struct Lattice {
     pub spacing: f64,
     /// Nodes along each axis; number i is x + counts.x·(y + counts.y·z).
     pub counts: [u32; 3],
-    /// All of them, from the farthest to the nearest; of those at one depth the later in front.
-    pub order: Vec<u32>,
 }
 
 impl Lattice {
-    /// About `count` nodes in the boxes, and a rim around them, in order along a direction.
+    /// About `count` nodes in the boxes, and a rim around them.
     #[must_use]
-    pub fn around(boxes: &[[Vec3; 8]], count: u32, forward: Vec3) -> Self {
+    pub fn around(boxes: &[[Vec3; 8]], count: u32) -> Self {
         let extreme = |start: f64, pick: fn(f64, f64) -> f64| -> Vec3 {
             std::array::from_fn(|k| boxes.iter().flatten().map(|p| p[k]).fold(start, pick))
         };
@@ -39,27 +36,19 @@ impl Lattice {
         let counts = edges.map(|e| (e / spacing).ceil().max(1.0) + 2.0 * RIM);
         let middle = add(low, edges.map(|e| 0.5 * e));
         let low: Vec3 = std::array::from_fn(|k| middle[k] - 0.5 * (counts[k] - 1.0) * spacing);
-        let counts = counts.map(|n| n as u32);
-        let [nx, ny, nz] = counts;
-        let depth = |i: u32| {
-            let index = [i % nx, i / nx % ny, i / nx / ny].map(f64::from);
-            dot(index, forward)
-        };
-        let mut keyed: Vec<(f64, u32)> = (0..nx * ny * nz).into_par_iter().map(|i| (depth(i), i)).collect();
-        keyed.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        Self { low, spacing, counts, order: keyed.into_iter().map(|k| k.1).collect() }
+        Self { low, spacing, counts: counts.map(|n| n as u32) }
     }
 
     /// Nodes in all.
     #[must_use]
     pub fn len(&self) -> u32 {
-        self.order.len() as u32
+        self.counts.iter().product()
     }
 
     /// Whether there is nothing to draw.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.order.is_empty()
+        self.len() == 0
     }
 }
 
@@ -72,31 +61,19 @@ mod tests {
     }
 
     #[test]
-    fn every_node_is_drawn_once_from_far_to_near() {
-        for forward in [[0.0, 0.0, 1.0], [0.6, 0.0, -0.8], [0.36, 0.48, 0.8]] {
-            let lattice = Lattice::around(&[cube([-1.0, 0.0, 2.0], [1.0, 0.5, 3.0])], 4000, forward);
-            let place = |i: u32| {
-                let [nx, ny, _] = lattice.counts;
-                let index = [i % nx, i / nx % ny, i / nx / ny].map(f64::from);
-                add(lattice.low, index.map(|x| x * lattice.spacing))
-            };
-            let depths: Vec<f64> = lattice.order.iter().map(|i| dot(place(*i), forward)).collect();
-            assert!(depths.windows(2).all(|w| w[0] >= w[1] - 1e-9));
-            let mut all = lattice.order.clone();
-            all.sort_unstable();
-            assert!(all.iter().copied().eq(0..lattice.len()), "each once");
-            assert_eq!(lattice.len(), lattice.counts.iter().product());
-            // The rim lies outside, the rest covers the box.
-            let far = place(lattice.len() - 1);
-            assert!((0..3).all(|k| lattice.low[k] < [-1.0, 0.0, 2.0][k] && far[k] > [1.0, 0.5, 3.0][k]));
-        }
+    fn the_rim_lies_outside_and_the_rest_covers_the_box() {
+        let lattice = Lattice::around(&[cube([-1.0, 0.0, 2.0], [1.0, 0.5, 3.0])], 4000);
+        let far = add(lattice.low, lattice.counts.map(|n| f64::from(n - 1) * lattice.spacing));
+        assert!((0..3).all(|k| lattice.low[k] < [-1.0, 0.0, 2.0][k] && far[k] > [1.0, 0.5, 3.0][k]));
+        let inside = lattice.counts.map(|n| n - 2 * RIM as u32);
+        assert!((4000..6000).contains(&inside.iter().product::<u32>()), "{inside:?}");
     }
 
     #[test]
     fn there_is_always_an_answer() {
-        assert!(Lattice::around(&[], 100, [0.0, 0.0, 1.0]).is_empty());
-        assert!(Lattice::around(&[cube([0.0; 3], [0.0; 3])], 100, [0.0, 0.0, 1.0]).is_empty());
-        let flat = Lattice::around(&[cube([0.0; 3], [1.0, 1.0, 0.0])], 1000, [0.0, 0.0, 1.0]);
+        assert!(Lattice::around(&[], 100).is_empty());
+        assert!(Lattice::around(&[cube([0.0; 3], [0.0; 3])], 100).is_empty());
+        let flat = Lattice::around(&[cube([0.0; 3], [1.0, 1.0, 0.0])], 1000);
         assert!(flat.len() > 100 && flat.counts[2] == 7);
     }
 }

@@ -6,13 +6,15 @@
 //! quasi-interpolation of Maz'ya and Schmidt ("Approximate Approximations", 2007), of second order in h on smooth fields down
 //! to a ripple of 6·e^(−2π²κ²). A node holds the mean over one spacing along the view, so that a boundary takes its share.
 //!
-//! Passes: `plant` finds what is at the nodes and `doubt` how wrong that may be, once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
+//! Passes: `plant` finds what is at the nodes, `doubt` how wrong that may be, and `rank` their keys, which are sorted on the device
+//! (`sort`), once for each picture; then, for each tile, `aim`, `corner` and `splat`, and
 //! `resolve`, as in slicing. Emission is composed Gaussian by Gaussian in the order of their centres, as if each were thin.
 //!
 //! Where a scene has splats of files, those are what is drawn (`files`), and media between them are integrated.
 
 mod doubt;
 mod files;
+mod sort;
 mod splat;
 mod veil;
 
@@ -57,6 +59,7 @@ pub(super) fn build(
     let splats = doubt::stride(&pieces);
     let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
     let doubt = doubt::entry(scene, &mut builder, &pieces, options.rays);
+    let rank = splat::rank(scene, &mut builder, &pieces, options.rays);
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes));
     let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
     let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), stride);
@@ -69,6 +72,9 @@ pub(super) fn build(
         ("splat", Stage::Fragment, splat),
         ("resolve", Stage::Compute(group), resolve),
     ];
+    entries.push(("rank", Stage::Compute([64, 1, 1]), rank));
+    entries.push(("drawn", Stage::Compute([1, 1, 1]), sort::drawn(&mut builder)));
+    let sort = sort::add(&mut builder, &mut entries, 1);
     let fill = records::add_fill(&mut entries, pieces.fill);
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let plan = Plan {
@@ -89,7 +95,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         bounds: vec![],
-        plant: Some(PlantPass { kernel: 0, doubt: 1, stride: splats }),
+        plant: Some(PlantPass { kernel: 0, doubt: 1, stride: splats, rank: 6, sort, drawn: 7 }),
         footprints: None,
         carried: 0,
         samples,

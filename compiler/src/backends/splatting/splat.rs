@@ -1,11 +1,11 @@
-//! `plant`, `corner` and `splat`: what the Gaussians of the lattice are, their billboards, and what one sends and lets through
-//! at a pixel.
+//! `plant`, `rank`, `corner` and `splat`: what the Gaussians of the lattice are, their order, their billboards, and what one sends and
+//! lets through at a pixel.
 
-use super::doubt;
+use super::{doubt, sort};
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{FieldScene, Projection};
 use crate::program::kernel::{Carries, Expr, Function, Math, Prim, Ty};
-use crate::program::{FrameValue, RaySource};
+use crate::program::{FrameValue, RaySource, SortPass};
 use crate::transport::aim::Note;
 use crate::transport::layers::{Layers, components};
 use crate::transport::slab::{Part, Pieces};
@@ -150,15 +150,22 @@ pub(super) fn entries(
         RaySource::Camera => Some(scene.camera.projection),
         RaySource::List => None,
     };
-    (corners(builder, pieces, projection, corner), splat(builder, pieces, layers, (corner, colors)))
+    (corners(builder, projection, corner), splat(builder, pieces, layers, (corner, colors)))
 }
 
-/// Two triangles around what the picture shows of a ball of `REACH` deviations; around all of it when the eye is inside, and
-/// nothing for an empty node or one behind the eye.
-fn corners(builder: &mut KernelBuilder, pieces: &Pieces, projection: Option<Projection>, corner: Ty) -> Function {
-    let mut code = Code::new("corner", None);
-    let order = builder.order();
-    let number = code.bind("node", Ty::U32, Expr::load(order, Expr::InstanceIndex));
+/// The radius of the ball around a node beyond which nothing of it is drawn.
+fn radius(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
+    let radius = builder.frame(FrameValue::LatticeSpacing) * (WIDTH * REACH);
+    code.bind("radius", Ty::F32, radius)
+}
+
+/// The entry point that gives nodes their keys: by depth, the farthest first; last what holds nothing or lies behind the eye.
+///
+/// Depths are those of numbers of nodes, exact in f32, along the view. What rounding turns round lies within 1e-6 of the lattice's
+/// length of being abreast, where either order is as good; the same lattice always has the same one.
+pub(super) fn rank(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pieces, rays: RaySource) -> Function {
+    let mut code = Code::new("rank", None);
+    let number = own_number(builder, &mut code);
     let splats = builder.splats_read();
     let base = code.bind("base", Ty::U32, number.clone() * doubt::stride(pieces));
     // Where the node holds nothing, its neighbours may say that it holds too little.
@@ -171,13 +178,35 @@ fn corners(builder: &mut KernelBuilder, pieces: &Pieces, projection: Option<Proj
             largest = largest.max(part);
         }
     }
-    let there = code.var("there", Ty::BOOL, largest.greater(0.0));
+    let mut there = largest.greater(0.0);
+    let forward = builder.frame(FrameValue::CameraForward);
+    if rays == RaySource::Camera && scene.camera.projection != Projection::Panorama {
+        let center = node(builder, &mut code, &number);
+        let radius = radius(builder, &mut code);
+        let way = center - builder.frame(FrameValue::CameraAnchor);
+        let depth = way.dot(forward.clone()) + builder.frame(FrameValue::CameraPlane);
+        there = there.and(depth.greater(-radius));
+    }
+    let index = index(builder, &mut code, &number).map(|i| i.convert(Prim::F32)).into();
+    let depth = code.bind("depth", Ty::F32, Expr::Compose(Ty::VEC3, index).dot(forward));
+    // −0 would come before 0.
+    let key = sort::key(&mut code, Expr::F32(0.0) - depth);
+    let keys = builder.keys();
+    code.store(keys, number, there.select(key, SortPass::LAST));
+    code.finish(None)
+}
+
+/// Two triangles around what the picture shows of a ball of `REACH` deviations; around all of it when the eye is inside.
+fn corners(builder: &mut KernelBuilder, projection: Option<Projection>, corner: Ty) -> Function {
+    let mut code = Code::new("corner", None);
+    let order = builder.order();
+    let number = code.bind("node", Ty::U32, Expr::load(order, Expr::InstanceIndex));
+    let there = code.var("there", Ty::BOOL, Expr::Bool(true));
     let low = code.var("low", Ty::float(2), Expr::F32(-1.0).splat(2));
     let high = code.var("high", Ty::float(2), Expr::F32(1.0).splat(2));
     if let Some(projection) = projection {
         let center = node(builder, &mut code, &number);
-        let radius = builder.frame(FrameValue::LatticeSpacing) * (WIDTH * REACH);
-        let radius = code.bind("radius", Ty::F32, radius);
+        let radius = radius(builder, &mut code);
         let way = code.bind("way", Ty::VEC3, center - builder.frame(FrameValue::CameraAnchor));
         let right = builder.frame(FrameValue::CameraRight);
         let up = builder.frame(FrameValue::CameraUp);
@@ -228,10 +257,8 @@ fn corners(builder: &mut KernelBuilder, pieces: &Pieces, projection: Option<Proj
             Projection::Orthographic { .. } | Projection::Panorama => Expr::Bool(true),
         };
         code.push_if(outside, block);
-        let before = depth.greater(-radius);
         let seen = |i| Expr::Local(high).component(i).greater(Expr::Local(low).component(i));
-        let there_now = Expr::Local(there).and(before).and(seen(0)).and(seen(1));
-        code.set(there, there_now);
+        code.set(there, seen(0).and(seen(1)));
     }
     // Corners 0 1 2 and 3 4 5 of the two triangles.
     let index = Expr::VertexIndex;

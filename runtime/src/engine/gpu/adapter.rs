@@ -2,7 +2,8 @@
 
 use super::errors::{GpuError, GpuErrorKind, Watch};
 use super::pipelines::CacheFile;
-use compiler::program::{Binding, MOST_BRICKS, Pass, Program};
+use compiler::program::kernel::{Kernel, ResourceKind};
+use compiler::program::{Binding, MOST_BRICKS, Program, used_resources};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -141,7 +142,7 @@ pub struct Needs {
     pub grid: Option<(u32, String)>,
     /// Grids.
     pub textures: u32,
-    /// Storage buffers.
+    /// Storage buffers of a kernel at most.
     pub storage_buffers: u32,
     /// Bytes of the largest storage buffer.
     pub storage_bytes: u64,
@@ -153,6 +154,8 @@ pub struct Needs {
     pub workgroup: [u32; 3],
     /// Most invocations of a workgroup.
     pub invocations: u32,
+    /// Bytes that they share.
+    pub shared_bytes: u32,
     /// Targets to draw into, and bytes of a pixel of all of them.
     pub targets: [u32; 2],
 }
@@ -176,6 +179,7 @@ impl Needs {
             bindings: self.bindings.max(other.bindings),
             workgroup: std::array::from_fn(|i| self.workgroup[i].max(other.workgroup[i])),
             invocations: self.invocations.max(other.invocations),
+            shared_bytes: self.shared_bytes.max(other.shared_bytes),
             targets: std::array::from_fn(|i| self.targets[i].max(other.targets[i])),
         }
     }
@@ -196,34 +200,36 @@ impl Needs {
                 }
                 Binding::Table(id) => {
                     let table = graph.table(*id);
-                    needs.storage_buffers += 1;
                     let bytes = table.keys.len() as u64 * (u64::from(table.width) + 1) * 4;
                     needs.storage_bytes = needs.storage_bytes.max(bytes);
                 }
                 Binding::Mesh(id) => {
                     // Never more nodes than twice the triangles, and a first row.
                     let triangles = u64::from(program.optimised.meshes[id.0 as usize].header.triangles);
-                    needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(32 + triangles * (2 * 32 + 36));
                 }
                 Binding::Cache => {
-                    needs.storage_buffers += 1;
                     let floats = program.plan.fill.as_ref().map_or(0, |f| u64::from(f.floats));
                     needs.storage_bytes = needs.storage_bytes.max(4 * floats);
                 }
                 Binding::Bounds(_) => {
-                    needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max(u64::from(MOST_BRICKS) * 16);
                 }
                 Binding::Target(_) => needs.textures += 1,
                 Binding::Footprints => {
                     let count: u64 = program.optimised.splats.iter().map(|s| u64::from(s.header.count)).sum();
                     let stride = program.plan.footprints.map_or(0, |f| u64::from(f.stride));
-                    needs.storage_buffers += 1;
                     needs.storage_bytes = needs.storage_bytes.max((count * stride * 4).next_power_of_two());
                 }
-                Binding::Splats | Binding::SplatsRead | Binding::TileLists => {
-                    needs.storage_buffers += 1;
+                Binding::Workgroup(_) => {}
+                Binding::Splats
+                | Binding::SplatsRead
+                | Binding::TileLists
+                | Binding::Order
+                | Binding::Keys
+                | Binding::KeysRead
+                | Binding::Sorting(_)
+                | Binding::Tallies => {
                     needs.storage_bytes = needs.storage_bytes.max(SPLAT_BYTES);
                 }
                 Binding::Rays
@@ -231,9 +237,7 @@ impl Needs {
                 | Binding::Notes
                 | Binding::Carried
                 | Binding::NotesRead
-                | Binding::Outlines
-                | Binding::Order => {
-                    needs.storage_buffers += 1;
+                | Binding::Outlines => {
                     needs.storage_bytes = needs.storage_bytes.max(TILE_BYTES);
                 }
             }
@@ -242,12 +246,11 @@ impl Needs {
             needs.targets[0] += 1;
             needs.targets[1] += u32::from(target.channels) * 4;
         }
-        let kernels = program.plan.passes.iter().flat_map(Pass::kernels);
-        let kernels = kernels
-            .chain(program.plan.fill.as_ref().map(|f| f.kernel))
-            .chain(program.plan.plant.iter().flat_map(|p| [p.kernel, p.doubt]));
-        for kernel in kernels {
-            let size = program.kernels[kernel as usize].workgroup();
+        for kernel in program.plan.kernels() {
+            let kernel = &program.kernels[kernel as usize];
+            needs.storage_buffers = needs.storage_buffers.max(storage_buffers(kernel));
+            needs.shared_bytes = needs.shared_bytes.max(kernel.shared_bytes() as u32);
+            let size = kernel.workgroup();
             needs.invocations = needs.invocations.max(size.iter().product());
             needs.workgroup = std::array::from_fn(|i| needs.workgroup[i].max(size[i]));
         }
@@ -308,10 +311,22 @@ impl Needs {
             max_compute_workgroup_size_y: self.workgroup[1],
             max_compute_workgroup_size_z: self.workgroup[2],
             max_compute_invocations_per_workgroup: self.invocations,
+            max_compute_workgroup_storage_size: self.shared_bytes,
             max_compute_workgroups_per_dimension: if dispatched { 65535 } else { 0 },
             ..least
         })
     }
+}
+
+/// How many buffers of storage a kernel uses.
+fn storage_buffers(kernel: &Kernel) -> u32 {
+    let is_storage = |kind: ResourceKind| match kind {
+        ResourceKind::ReadBuffer(_) | ResourceKind::WriteBuffer(_) => true,
+        ResourceKind::Uniform(_) | ResourceKind::Workgroup(..) => false,
+        ResourceKind::Texture3d(_) | ResourceKind::Texture2d => false,
+    };
+    let used = kernel.resources.iter().zip(used_resources(kernel));
+    used.filter(|(resource, used)| *used && is_storage(resource.kind)).count() as u32
 }
 
 /// An open device.

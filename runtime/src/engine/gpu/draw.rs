@@ -5,6 +5,7 @@ use super::errors::{GpuError, GpuErrorKind};
 use super::pipelines::Pipelines;
 use super::readback::{Flight, Once, Slot};
 use super::resources::{Resources, SceneData, Uploads};
+use super::sorting::{Sorting, read};
 use super::tiles::{Pace, Walk};
 use super::uniforms::{Block, Part};
 use crate::frame::{Bricks, Frame};
@@ -182,6 +183,33 @@ impl Prepared {
         self.slots.clear();
     }
 
+    /// Sorts keys by the plan's own sort: `keys` has word w of key i of n at w·n + i, the least significant word first. Gives the
+    /// numbers of the keys in order, and the seconds that took on the device, without the way there and back.
+    ///
+    /// # Errors
+    /// When the device is lost, runs out of memory, or the plan sorts nothing.
+    pub fn sort(&mut self, keys: &[u32]) -> Result<(Vec<u32>, f64), GpuError> {
+        let (Some(sort), Some(steps)) = (self.program.plan.sort(), &self.pipelines.sort) else {
+            return Err(GpuError::new(GpuErrorKind::Validation, "this program sorts nothing"));
+        };
+        let too_many = |_| GpuError::new(GpuErrorKind::TooLarge, "more than 4294967295 keys at once");
+        let count = u32::try_from(keys.len() / sort.words.max(1) as usize).map_err(too_many)?;
+        let size = (count, sort.words);
+        if Sorting::hold(&mut self.resources.sorting, &self.gpu, &self.program, size)? {
+            self.slots.clear();
+        }
+        let Some(sorting) = &self.resources.sorting else { return Ok((vec![], 0.0)) };
+        self.gpu.queue.write_buffer(sorting.keys(), 0, bytemuck::cast_slice(keys));
+        let index = self.gpu.queue.submit([]);
+        self.gpu.watch.wait(index)?;
+        let started = Instant::now();
+        sorting.run(&self.gpu, &self.program, steps, &mut Block::of_sort(&self.program), size)?;
+        let index = self.gpu.queue.submit([]);
+        self.gpu.watch.wait(index)?;
+        let seconds = started.elapsed().as_secs_f64();
+        Ok((read(&self.gpu, sorting.order(), count)?, seconds))
+    }
+
     fn expect(&self, rays: RaySource) -> Result<(), GpuError> {
         if self.program.plan.rays == rays {
             return Ok(());
@@ -230,7 +258,7 @@ impl Prepared {
         }
         while first < nodes {
             let rays = count.min(nodes - first);
-            let part = Part { origin: [first, 0], size: [rays, 1], rays };
+            let part = Part { origin: [first, 0], size: [rays, 1], rays, ..Part::default() };
             let started = Instant::now();
             let with = (&self.pipelines, &self.resources);
             self.slots[0].fill(&self.gpu, &self.program, with, (once, rays), block.part(part, (0, 0)))?;
@@ -251,7 +279,9 @@ impl Prepared {
                 let message = format!("{} splats are more than this adapter holds", frame.lattice.len());
                 return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("ask for fewer `splats`"));
             }
-            if self.resources.write_order(&self.gpu, &frame.lattice.order, plant.stride) {
+            let (count, words) = (frame.lattice.len(), plant.sort.words);
+            let moved = Sorting::hold(&mut self.resources.sorting, &self.gpu, &self.program, (count, words))?;
+            if self.resources.hold_splats(&self.gpu, count, plant.stride) || moved {
                 self.slots.clear();
             }
         }
@@ -261,6 +291,21 @@ impl Prepared {
         if plant.is_some() {
             self.once(block, Once::Plant, frame.lattice.len())?;
             self.once(block, Once::Doubt, frame.lattice.len())?;
+            self.once(block, Once::Rank, frame.lattice.len())?;
+            self.put_in_order(block, frame.lattice.len())?;
+        }
+        Ok(())
+    }
+
+    /// Sorts as many splats by the keys that they have been given, and notes how many are drawn.
+    fn put_in_order(&mut self, block: &mut Block, count: u32) -> Result<(), GpuError> {
+        let (steps, sorting) = (&self.pipelines.sort, &self.resources.sorting);
+        if let (Some(steps), Some(sorting), Some(sort)) = (steps, sorting, self.program.plan.sort()) {
+            sorting.run(&self.gpu, &self.program, steps, block, (count, sort.words))?;
+            self.resources.drawn = match &self.pipelines.drawn {
+                Some(step) => sorting.drawn(&self.gpu, &self.program, step, block, count)?,
+                None => count,
+            };
         }
         Ok(())
     }

@@ -11,6 +11,7 @@ mod errors;
 mod pipelines;
 mod readback;
 mod resources;
+mod sorting;
 #[cfg(test)]
 mod tests;
 mod tiles;

@@ -2,9 +2,10 @@
 
 use super::adapter::Gpu;
 use super::errors::{GpuError, GpuErrorKind};
+use super::sorting::SortSteps;
 use compiler::loader::Scalar;
 use compiler::program::kernel::{Prim, Stage};
-use compiler::program::{Binding, Blend, Pass, Program, Target, texture_prim};
+use compiler::program::{Binding, Blend, Pass, Program, SortBuffer, Target, texture_prim};
 use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -23,13 +24,14 @@ pub(super) fn texture_format(scalar: Scalar) -> wgpu::TextureFormat {
     }
 }
 
-fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
+/// `None` where nothing is bound.
+fn binding_type(program: &Program, binding: Binding) -> Option<wgpu::BindingType> {
     let storage = |read_only| wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Storage { read_only },
         has_dynamic_offset: false,
         min_binding_size: None,
     };
-    match binding {
+    Some(match binding {
         Binding::Uniforms => wgpu::BindingType::Buffer {
             ty: wgpu::BufferBindingType::Uniform,
             has_dynamic_offset: false,
@@ -45,15 +47,19 @@ fn binding_type(program: &Program, binding: Binding) -> wgpu::BindingType {
             multisampled: false,
         },
         Binding::Table(_) | Binding::Mesh(_) | Binding::Rays | Binding::NotesRead | Binding::Outlines => storage(true),
-        Binding::SplatsRead | Binding::Order | Binding::Bounds(_) => storage(true),
+        Binding::SplatsRead | Binding::Order | Binding::Bounds(_) | Binding::KeysRead => storage(true),
         Binding::Footprints | Binding::TileLists => storage(true),
+        Binding::Sorting(SortBuffer::KeysFrom | SortBuffer::NumbersFrom) => storage(true),
+        Binding::Sorting(SortBuffer::KeysTo | SortBuffer::NumbersTo) => storage(false),
+        Binding::Keys | Binding::Tallies => storage(false),
+        Binding::Workgroup(_) => return None,
         Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats | Binding::Carried => storage(false),
         Binding::Target(_) => wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },
             view_dimension: wgpu::TextureViewDimension::D2,
             multisampled: false,
         },
-    }
+    })
 }
 
 /// A compiled pass, or the one that fills the cache.
@@ -80,6 +86,9 @@ pub(super) struct Pipelines {
     pub(super) fill: Option<Step>,
     pub(super) plant: Option<Step>,
     pub(super) doubt: Option<Step>,
+    pub(super) rank: Option<Step>,
+    pub(super) drawn: Option<Step>,
+    pub(super) sort: Option<SortSteps>,
 }
 
 /// The format of a target.
@@ -129,11 +138,10 @@ impl Compiler<'_> {
         };
         let entries: Vec<_> = (0..bindings.len())
             .filter(|i| used[*i])
-            .map(|i| wgpu::BindGroupLayoutEntry {
-                binding: i as u32,
-                visibility: visible(i),
-                ty: binding_type(self.program, bindings[i]),
-                count: None,
+            .filter_map(|i| {
+                let (binding, visibility) = (i as u32, visible(i));
+                let ty = binding_type(self.program, bindings[i])?;
+                Some(wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None })
             })
             .collect();
         let label = Some("plan");
@@ -156,7 +164,11 @@ impl Compiler<'_> {
             module: &self.modules[kernel as usize],
             // A module has one entry point; its name is emit's affair.
             entry_point: None,
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                // Kernels write memory of a workgroup before they read it.
+                zero_initialize_workgroup_memory: false,
+                ..wgpu::PipelineCompilationOptions::default()
+            },
             cache: self.gpu.cache.as_ref().map(|c| &c.cache),
         });
         self.gpu.watch.check()?;
@@ -228,10 +240,20 @@ impl Pipelines {
         let fill = program.plan.fill.as_ref().map(|fill| compiler.compute(fill.kernel)).transpose()?;
         let plant = program.plan.plant.map(|plant| compiler.compute(plant.kernel)).transpose()?;
         let doubt = program.plan.plant.map(|plant| compiler.compute(plant.doubt)).transpose()?;
+        let rank = program.plan.plant.map(|plant| compiler.compute(plant.rank)).transpose()?;
+        let drawn = program.plan.plant.map(|plant| compiler.compute(plant.drawn)).transpose()?;
+        let sort = match program.plan.sort() {
+            Some(sort) => Some(SortSteps {
+                count: compiler.compute(sort.count)?,
+                scan: compiler.compute(sort.scan)?,
+                scatter: compiler.compute(sort.scatter)?,
+            }),
+            None => None,
+        };
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { passes, fill, plant, doubt })
+        Ok(Self { passes, fill, plant, doubt, rank, drawn, sort })
     }
 }
 

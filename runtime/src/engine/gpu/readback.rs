@@ -45,6 +45,7 @@ struct Groups {
     fill: Option<wgpu::BindGroup>,
     plant: Option<wgpu::BindGroup>,
     doubt: Option<wgpu::BindGroup>,
+    rank: Option<wgpu::BindGroup>,
 }
 
 /// A dispatch that has been submitted.
@@ -65,7 +66,7 @@ const TOGETHER: u32 = 1 << 14;
 fn instances(pass: &Pass, resources: &Resources, rounds: u32) -> Vec<Range<u32>> {
     match pass {
         Pass::Raster { geometry: Geometry::Billboards, .. } => {
-            let count = resources.order.as_ref().map_or(0, |o| o.1);
+            let count = resources.drawn;
             let starts = (0..count.max(1)).step_by(TOGETHER as usize);
             starts.map(|start| start..count.min(start + TOGETHER)).collect()
         }
@@ -81,6 +82,7 @@ pub(super) enum Once {
     Fill,
     Plant,
     Doubt,
+    Rank,
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -133,7 +135,7 @@ impl Slot {
             notes,
             carried,
             targets: Targets::default(),
-            groups: Groups { passes: vec![], fill: None, plant: None, doubt: None },
+            groups: Groups { passes: vec![], fill: None, plant: None, doubt: None, rank: None },
         };
         if plan.targets.is_empty() {
             slot.groups = slot.bind(gpu, program, pipelines, resources);
@@ -163,7 +165,10 @@ impl Slot {
                 Binding::Bounds(_) => bounds.next().map(|(_, b)| b.as_entire_binding()),
                 Binding::Table(_) => tables.next().map(|(_, b, _)| b.as_entire_binding()),
                 Binding::Outlines => resources.outlines.as_ref().map(|o| o.0.as_entire_binding()),
-                Binding::Order => resources.order.as_ref().map(|o| o.0.as_entire_binding()),
+                Binding::Order => resources.sorting.as_ref().map(|s| s.order().as_entire_binding()),
+                Binding::Keys => resources.sorting.as_ref().map(|s| s.keys().as_entire_binding()),
+                // Of the sort alone.
+                Binding::KeysRead | Binding::Sorting(_) | Binding::Tallies | Binding::Workgroup(_) => None,
                 Binding::Splats | Binding::SplatsRead => whole(&resources.splats),
                 Binding::Footprints => resources.footprints.as_ref().map(|f| f.0.as_entire_binding()),
                 Binding::TileLists => resources.lists.as_ref().map(|l| l.0.as_entire_binding()),
@@ -189,6 +194,7 @@ impl Slot {
             fill: pipelines.fill.as_ref().map(group),
             plant: pipelines.plant.as_ref().map(group),
             doubt: pipelines.doubt.as_ref().map(group),
+            rank: pipelines.rank.as_ref().map(group),
         }
     }
 
@@ -240,6 +246,7 @@ impl Slot {
             Once::Fill => (&pipelines.fill, &self.groups.fill, program.plan.fill.as_ref().map(|f| f.kernel)),
             Once::Plant => (&pipelines.plant, &self.groups.plant, program.plan.plant.map(|p| p.kernel)),
             Once::Doubt => (&pipelines.doubt, &self.groups.doubt, program.plan.plant.map(|p| p.doubt)),
+            Once::Rank => (&pipelines.rank, &self.groups.rank, program.plan.plant.map(|p| p.rank)),
         };
         if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group), Some(kernel)) =
             (step, group, kernel)

@@ -3,6 +3,7 @@
 use super::adapter::Gpu;
 use super::errors::GpuError;
 use super::pipelines::texture_format;
+use super::sorting::Sorting;
 use super::uniforms::{table_rows, to_f32};
 use crate::frame::Bricks;
 use compiler::ir::eval::Tables;
@@ -54,8 +55,10 @@ pub(super) struct Resources {
     pub(super) cache: Option<wgpu::Buffer>,
     /// Outlines of slabs, and how many corners there are.
     pub(super) outlines: Option<(wgpu::Buffer, u32)>,
-    /// Numbers of splats in their order, and how many there are.
-    pub(super) order: Option<(wgpu::Buffer, u32)>,
+    /// What puts splats in order.
+    pub(super) sorting: Option<Sorting>,
+    /// How many of them are drawn.
+    pub(super) drawn: u32,
     /// Their coefficients.
     pub(super) splats: Option<wgpu::Buffer>,
     /// Splats of files as the picture shows them, and how many numbers they have.
@@ -78,7 +81,8 @@ impl Resources {
             bounds: vec![],
             cache: None,
             outlines: None,
-            order: None,
+            sorting: None,
+            drawn: 0,
             splats: None,
             footprints: None,
             lists: None,
@@ -138,6 +142,8 @@ impl Resources {
                 // They come with each drawing.
                 Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
                 Binding::Footprints | Binding::TileLists | Binding::Carried => {}
+                Binding::Keys | Binding::KeysRead | Binding::Sorting(_) | Binding::Tallies => {}
+                Binding::Workgroup(_) => {}
                 Binding::Uniforms | Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead => {}
             }
         }
@@ -150,14 +156,14 @@ impl Resources {
         write(gpu, "outlines", &mut self.outlines, bytemuck::cast_slice(corners), corners.len())
     }
 
-    /// Writes the order of splats, and makes room for as many. Gives whether a buffer is another one now.
-    pub(super) fn write_order(&mut self, gpu: &Gpu, order: &[u32], stride: u32) -> bool {
-        let bytes = order.len() as u64 * u64::from(stride) * 4;
+    /// Makes room for so many splats. Gives whether the buffer is another one now.
+    pub(super) fn hold_splats(&mut self, gpu: &Gpu, count: u32, stride: u32) -> bool {
+        let bytes = u64::from(count) * u64::from(stride) * 4;
         let fits = matches!(&self.splats, Some(buffer) if buffer.size() >= bytes);
         if !fits {
             self.splats = Some(storage(gpu, "splats", bytes));
         }
-        write(gpu, "order", &mut self.order, bytemuck::cast_slice(order), order.len()) || !fits
+        !fits
     }
 
     /// Writes splats of files and their lists. Gives whether a buffer is another one now.

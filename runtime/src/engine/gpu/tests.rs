@@ -7,7 +7,7 @@ use compiler::ir::{
     Projection, RenderInfo, Scattering, Table, TableId, Tonemap, Type, Units,
 };
 use compiler::loader::{GridHeader, Scalar};
-use compiler::program::kernel::{Function, Kernel, Stage};
+use compiler::program::kernel::{Expr, Function, Kernel, Prim, Resource, ResourceKind, Stage, Stmt, Ty};
 use compiler::program::{
     Binding, Extent, FrameValue, Ledger, Output, OutputKind, Pass, Plan, Program, RaySource, StepRule, UniformField,
     UniformLayout, UniformSource,
@@ -74,15 +74,24 @@ fn program(
     let scene = scene(graph);
     let extent = if rays == RaySource::Camera { Extent::Tile } else { Extent::Rays };
     let stage = Stage::Compute(if rays == RaySource::Camera { [8, 8, 1] } else { [64, 1, 1] });
+    // The module says what is done with them; this only that they are used.
+    let buffers: Vec<bool> = bindings.iter().map(|b| !matches!(b, Binding::Uniforms | Binding::Grid(_))).collect();
+    let resource = |buffer: &bool| Resource {
+        name: String::new(),
+        kind: if *buffer { ResourceKind::WriteBuffer(Ty::F32) } else { ResourceKind::Texture3d(Prim::F32) },
+    };
+    let resources = buffers.iter().map(resource).collect();
+    let store = |buffer| Stmt::Store { buffer, index: Expr::U32(0), value: Expr::F32(0.0) };
+    let body = (0..).zip(&buffers).filter(|(_, buffer)| **buffer).map(|(number, _)| store(number)).collect();
     Arc::new(Program::new(
         (scene.clone(), scene),
         vec![Kernel {
             name: "main".into(),
             stage,
             structs: vec![],
-            resources: vec![],
+            resources,
             functions: vec![],
-            entry: Function::default(),
+            entry: Function { body, ..Function::default() },
         }],
         Plan {
             backend: "test",

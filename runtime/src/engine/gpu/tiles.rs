@@ -95,7 +95,7 @@ impl Walk {
         }
         let most = width.min(self.largest[0]);
         let columns = whole(budget / u64::from(self.height), self.group[0], (width - x).min(most));
-        let part = Part { origin: self.at, size: [columns, self.height], rays: columns };
+        let part = Part { origin: self.at, size: [columns, self.height], rays: columns, ..Part::default() };
         self.at[0] += columns;
         if self.at[0] >= width {
             self.at = [0, y + self.height];

@@ -14,6 +14,20 @@ pub(super) struct Part {
     pub(super) size: [u32; 2],
     /// Rays of the list.
     pub(super) rays: u32,
+    /// Of a sort.
+    pub(super) sort: SortPart,
+}
+
+/// What a pass of a sort is about.
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct SortPart {
+    /// Things that are sorted.
+    pub(super) count: u32,
+    /// Word of their keys, and first bit of the digit in it.
+    pub(super) word: u32,
+    pub(super) shift: u32,
+    /// Tallies that are summed up.
+    pub(super) scanned: u32,
 }
 
 /// The f32 nearest to a number. What f32 cannot hold becomes the largest it can, so that a coefficient of 1e40 is opaque
@@ -66,6 +80,17 @@ impl Block {
         block
     }
 
+    /// Of a sort alone, without a drawing.
+    pub(super) fn of_sort(program: &Program) -> Self {
+        let layout = &program.plan.uniforms;
+        let sorts = |field: &&UniformField| match field.source {
+            UniformSource::Frame(value) => !of_part(value, Part::default(), (0, 0)).is_empty(),
+            UniformSource::Node(_) | UniformSource::Majorant(_) | UniformSource::Bricks(..) => false,
+        };
+        let moving = layout.fields.iter().filter(sorts).cloned().collect();
+        Self { bytes: vec![0; layout.size as usize], moving, rounds: 1 }
+    }
+
     /// The bytes for one dispatch: of the plan's repeats, and of rounds, those of these numbers.
     pub(super) fn part(&mut self, part: Part, (repeat, round): (u32, u32)) -> &[u8] {
         for field in std::mem::take(&mut self.moving) {
@@ -92,6 +117,7 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
     Some(match value {
         FrameValue::TileOrigin | FrameValue::TileSize | FrameValue::RayCount => return None,
         FrameValue::Repeat | FrameValue::Round => return None,
+        FrameValue::SortCount | FrameValue::SortWord | FrameValue::SortShift | FrameValue::ScanLength => return None,
         FrameValue::ImageSize => frame.size.map(f64::from).to_vec(),
         FrameValue::CameraAnchor => eye.anchor.to_vec(),
         FrameValue::CameraForward => eye.forward.to_vec(),
@@ -130,6 +156,10 @@ fn of_part(value: FrameValue, part: Part, (repeat, round): (u32, u32)) -> Vec<f6
         FrameValue::RayCount => vec![f64::from(part.rays)],
         FrameValue::Repeat => vec![f64::from(repeat)],
         FrameValue::Round => vec![f64::from(round)],
+        FrameValue::SortCount => vec![f64::from(part.sort.count)],
+        FrameValue::SortWord => vec![f64::from(part.sort.word)],
+        FrameValue::SortShift => vec![f64::from(part.sort.shift)],
+        FrameValue::ScanLength => vec![f64::from(part.sort.scanned)],
         FrameValue::ImageSize
         | FrameValue::CameraAnchor
         | FrameValue::CameraForward

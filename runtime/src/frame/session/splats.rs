@@ -43,7 +43,7 @@ impl Session {
         let boxes = media_boxes(&self.program.lowered, &params.0, time);
         let frame = |session: &Self, count: u32| {
             let mut frame = session.frame(params, time, Some(camera), bounds);
-            frame.lattice = Lattice::around(&boxes, count, camera.forward);
+            frame.lattice = Lattice::around(&boxes, count);
             let pieces = Pieces { count: frame.lattice.len(), size: frame.lattice.spacing };
             (frame, pieces)
         };
@@ -76,7 +76,7 @@ impl Session {
         let mut answers = vec![];
         for ray in rays {
             let asked = |count: u32| {
-                let lattice = Lattice::around(&boxes, count, ray.1);
+                let lattice = Lattice::around(&boxes, count);
                 let pieces = Pieces { count: lattice.len(), size: lattice.spacing };
                 (lattice, pieces)
             };
