@@ -1,4 +1,5 @@
-//! Any bytes as a file of splats: as they are, and compressed behind the start of an SPZ file.
+//! Any bytes as a file of splats: as they are, and compressed behind the start of an SPZ file. Good seeds are in `fuzz/seeds/splats`; run
+//! with `-- -dict=fuzz/ply.dict -max_len=4000`.
 #![no_main]
 
 use flate2::{Compression, write::GzEncoder};

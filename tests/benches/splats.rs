@@ -1,11 +1,11 @@
-//! Splats of files per second: projection, order, lists of tiles, and blending on the GPU, each apart, at 512 × 512; and bytes per
-//! splat. `cargo bench --bench splats` prints a table for 1e5 and 1e6 splats of degree 3 on a ball, and with
+//! Splats of files per second: projection and what lists leave out on the host, order, lists of tiles and blending on the device, each
+//! apart, at 512 × 512; a stable sort of the same keys on the host, for comparison; and bytes per splat. `cargo bench --bench splats` prints a table for 1e5 and 1e6 splats of degree 3 on a ball, and with
 //! `TYNDALL_TEN_MILLION=1` in the environment for 1e7, which take 3 GB.
 
 use compiler::Options;
 use compiler::ir::Aa;
 use runtime::data::splats::{Gaussian, Splats};
-use runtime::frame::{Camera, Cast, EngineChoice, Eye, Footprints, Params, Projected, Session, Settings};
+use runtime::frame::{Camera, Cast, Drawing, EngineChoice, Eye, Footprints, Params, Projected, Session, Settings};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -58,9 +58,12 @@ fn measure(count: usize) {
     let splats = ball(count);
     let options = Options { size: Some([512, 512]), aa: Some(Aa::None), ..Options::default() };
     let settings = Settings { options, engine: EngineChoice::Gpu, ..Settings::default() };
-    let Ok(mut session) = Session::open("ball.vol", SCENE, &Made(splats.clone()), settings) else {
-        println!("no adapter");
-        return;
+    let mut session = match Session::open("ball.vol", SCENE, &Made(splats.clone()), settings) {
+        Ok(session) => session,
+        Err(trouble) => {
+            println!("{count} splats: {}", compiler::diagnostic::render(&trouble.diagnostics, &trouble.sources));
+            return;
+        }
     };
     let scene = &session.program().lowered;
     let params = Params::defaults(scene);
@@ -69,33 +72,36 @@ fn measure(count: usize) {
     let cast = Cast::new(scene, &params, 0.0, &files).expect("a transform");
     let eye = Eye::new(&camera, None);
     let bands = [scene.bands.resample()];
-    let (projection, projected) = best(|| Projected::new(&cast, &camera));
-    let (sort, _) = best(|| {
-        let mut sorted = projected.clone();
-        sorted.sort();
-        sorted
-    });
-    let (copy, _) = best(|| projected.clone());
+    let (projection, _) = best(|| Projected::new(&cast, &camera));
     let (all, shown) = best(|| Footprints::of_picture(&cast, &camera, &eye, &bands, 1e-2));
-    let sort = (sort - copy).max(0.0);
-    let lists = (all - projection - sort).max(0.0);
-    let device = 4.0 * (shown.records(0).len() + shown.lists().len()) as f64 / count as f64;
+    let seen = shown.len() as usize;
+    let key = |i: &u32| (u64::from(shown.keys()[seen + *i as usize]) << 32) | u64::from(shown.keys()[*i as usize]);
+    let (by_host, _) = best(|| {
+        let mut order: Vec<u32> = (0..seen as u32).collect();
+        order.sort_by_cached_key(key);
+        order
+    });
     let drawings: Vec<_> = (0..3).map(|_| draw(Path::new("ball.vol"), &mut session)).collect();
-    let blend = drawings.iter().map(|d| d.milliseconds).fold(f64::INFINITY, f64::min) / 1e3;
-    let per_second = |seconds: f64| count as f64 / seconds / 1e6;
+    let least = |time: fn(&Drawing) -> f64| drawings.iter().map(time).fold(f64::INFINITY, f64::min) / 1e3;
     println!(
-        "{count:9} splats: projection and harmonics {:.1} ms ({:.2} M/s), order {:.1} ms ({:.2} M/s), lists {:.1} ms ({:.2} M/s), \
-         blending {:.1} ms ({:.2} M/s); {} bytes a splat in memory, {device:.0} on the device",
-        1e3 * projection,
-        per_second(projection),
-        1e3 * sort,
-        per_second(sort),
-        1e3 * lists,
-        per_second(lists),
-        1e3 * blend,
-        per_second(blend),
-        splats.bytes_per_splat(),
+        "{count} splats, {seen} of them seen, {:.1} entries of lists for each:",
+        f64::from(shown.entries()) / seen as f64
     );
+    for (what, seconds) in [
+        ("projection and harmonics, host", projection),
+        ("tiles, what lists leave out, records, host", (all - projection).max(0.0)),
+        ("order, device", least(|d| d.arranging.order)),
+        ("the same order, host, std's stable sort on one core", by_host),
+        ("lists, device", least(|d| d.arranging.lists)),
+        ("blending, device", least(|d| d.milliseconds)),
+    ] {
+        println!("    {:9.1} ms {:8.2} M/s  {what}", 1e3 * seconds, count as f64 / seconds / 1e6);
+    }
+    let words = |n: usize| 4.0 * n as f64 / count as f64;
+    // Keys and tiles; keys and numbers twice, in buffers as long as there are entries; starts; entries and their lists.
+    let entries = (shown.entries() as usize).max(seen);
+    let device = words(shown.records(0).len()) + words(2 * seen + 4 * seen + seen) + words(6 * entries);
+    println!("    {} bytes a splat in memory, about {device:.0} on the device", splats.bytes_per_splat());
 }
 
 fn main() {

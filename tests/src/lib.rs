@@ -2,6 +2,7 @@
 
 pub mod bonsai;
 mod made;
+pub mod splats;
 
 pub use made::Made;
 

@@ -4,12 +4,13 @@ use compiler::ir::{Aa, Backend};
 use compiler::program::OutputKind;
 use compiler::{Options, compile};
 use runtime::data::Memory;
-use runtime::data::splats::{Gaussian, Splats, read_splats_from};
+use runtime::data::splats::{Splats, read_splats_from};
 use runtime::frame::{Drawing, EngineChoice, FileLoader, Params, ProbeSettings, RayQuery, Session, Settings};
 use runtime::image::metric::compare;
 use runtime::image::{WriteOptions, read_png, srgb_encode, write_png};
 use std::path::Path;
 use std::sync::Arc;
+use tyndall_tests::splats::{One, ball, file, noise, odd, some};
 use tyndall_tests::{Made, bonsai, codes, draw, fail, open, root};
 
 /// The file beside the examples is what its generator makes, to a step of each number.
@@ -37,48 +38,6 @@ fn the_bonsai_is_what_its_generator_makes() {
             assert!((ratio.ln()).abs() <= 0.04, "splat {i}: {ratio}");
         }
     }
-}
-
-/// Numbers that look random.
-fn noise(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / (1u64 << 31) as f64
-    }
-}
-
-#[derive(Clone, Debug)]
-struct One {
-    center: [f64; 3],
-    rotation: [f64; 4],
-    deviations: [f64; 3],
-    opacity: f64,
-    harmonics: Vec<f64>,
-}
-
-/// Balls, needles and discs in a cube of edge 2.
-fn some(count: usize, seed: u64) -> Vec<One> {
-    let mut x = noise(seed);
-    let mut one = || One {
-        center: [2.0 * x() - 1.0, 2.0 * x() - 1.0, 2.0 * x() - 1.0],
-        rotation: [x() - 0.5, x() - 0.5, x() - 0.5, x() - 0.5],
-        deviations: std::array::from_fn(|_| 10f64.powf(-3.0 + 2.5 * x())),
-        opacity: x(),
-        harmonics: (0..48).map(|_| 1.2 * (x() - 0.5)).collect(),
-    };
-    (0..count).map(|_| one()).collect()
-}
-
-fn file(list: &[One], degree: u8, antialiased: bool) -> Arc<Splats> {
-    let gaussians = list.iter().map(|o| Gaussian {
-        center: o.center,
-        rotation: o.rotation,
-        deviations: o.deviations,
-        opacity: o.opacity,
-        harmonics: &o.harmonics,
-    });
-    Arc::new(Splats::new(degree, antialiased, gaussians).expect("splats").0)
 }
 
 /// A scene on an engine; `None` where the machine lacks it.
@@ -207,13 +166,7 @@ fn the_order_in_the_file_does_not_matter_unless_depths_are_equal() {
     // At one depth the first of the file is in front.
     let text = "splats room { file = \"s.ply\"  blend = linear }
         camera { from = (0, 0, -4) m  to = (0, 0, 0) m }  image { size = 3 x 3 }";
-    let ball = |color: [f64; 3]| One {
-        center: [0.0; 3],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        deviations: [5.0; 3],
-        opacity: 1.0,
-        harmonics: color.map(|c| (c - 0.5) / 0.282_094_791_773_878_14).to_vec(),
-    };
+    let ball = |color: [f64; 3]| ball([0.0; 3], 5.0, 1.0, color);
     let (red, blue) = (ball([1.0, 0.0, 0.0]), ball([0.0, 0.0, 1.0]));
     let middle = |list: &[One]| {
         let drawing = drawn(text, &file(list, 0, false), EngineChoice::Gpu).expect("it was there");
@@ -227,34 +180,64 @@ fn the_order_in_the_file_does_not_matter_unless_depths_are_equal() {
     assert!(near(&middle(&[ball([1.0, 0.0, 0.0]), ahead]), [0.0, 1.0, 0.0]));
 }
 
+/// An upright picture turned round is that of a camera that stands on its head; and each frame is the one before, bit by bit.
+#[test]
+fn cameras_on_their_heads_and_frames_one_after_another() {
+    let splats = file(&some(200, 9), 3, false);
+    let Some(upright) = drawn(VIEW, &splats, EngineChoice::Gpu) else { return };
+    let text = VIEW.replace("fov = 50 deg", "fov = 50 deg  up = (0, -1, 0)");
+    let inverted = drawn(&text, &splats, EngineChoice::Gpu).expect("it was there");
+    let turned: Vec<f32> = inverted.picture.radiance().chunks_exact(3).rev().flatten().copied().collect();
+    let off = apart(&turned, upright.picture.radiance());
+    assert!(off <= 1e-5, "{off}");
+    let mut session = session(VIEW, &splats, EngineChoice::Gpu, Options::default()).expect("it was there");
+    for _ in 0..3 {
+        let again = draw(Path::new("scene.vol"), &mut session);
+        assert_eq!(again.picture.radiance(), upright.picture.radiance());
+    }
+}
+
+/// All splats are behind the eye: nothing is to be put in order, and the background is as it was.
+#[test]
+fn no_splats_in_view() {
+    let behind: Vec<One> = (0..5).map(|i| ball([0.3, 0.5, -3.5 - f64::from(i)], 0.1, 0.9, [1.0; 3])).collect();
+    let Some(gpu) = drawn(VIEW, &file(&behind, 0, false), EngineChoice::Gpu) else { return };
+    let pixel = gpu.picture.pixel(3, 3);
+    assert!(pixel.iter().zip([0.2, 0.4, 0.6]).all(|(l, c)| (srgb_encode((*l).into()) - c).abs() < 1e-6), "{pixel:?}");
+    assert!(gpu.picture.transmittance().expect("asked for").iter().all(|t| *t == 1.0));
+}
+
+/// On both engines, from afar and along rays: no NaN, nothing negative, no transmittance beyond 1.
 #[test]
 fn odd_splats_make_no_odd_pixels() {
-    let mut list = some(12, 3);
-    list[0].deviations = [0.0; 3];
-    list[1].deviations = [0.5, 0.5, 0.0];
-    list[2].deviations = [1e-30, 0.3, 1e-30];
-    list[3].deviations = [1e30, 1e30, 1e30];
-    list[4].deviations = [1e15, 1e-15, 1.0];
-    list[5].opacity = 1.0;
-    list[6].opacity = 0.0;
-    list[7].center = [1e30, -1e30, 1e30];
-    list[8].harmonics = vec![1e30; 48];
-    list[9].deviations = [1e4, 1e-4, 1e-4];
-    list[10].center = [0.3, 0.5, -2.799];
-    list[11].center = [0.3, 0.5, -3.0];
     let media = ["", "fog { k = 0.1 /m  color = #888 }", "fog { k = 1e30 /m  color = #888 }"];
-    for (i, view) in
-        ["fov = 50 deg", "fov = 179 deg", "projection = orthographic(height: 3 m)", "projection = panorama"]
-            .into_iter()
-            .enumerate()
-    {
-        for blend in ["encoded", "linear"] {
+    let views = ["fov = 50 deg", "fov = 179 deg", "projection = orthographic(height: 3 m)", "projection = panorama"];
+    let rays = [[0.0, 0.0, 1.0], [1.0, 1e-9, 0.0], [-0.3, 0.1, 0.9]];
+    let rays = rays.map(|direction| RayQuery { origin: [0.0, 0.1, -3.0], direction });
+    for (i, view) in views.into_iter().enumerate() {
+        for (blend, engine) in [
+            ("encoded", EngineChoice::Gpu),
+            ("linear", EngineChoice::Gpu),
+            ("encoded", EngineChoice::Reference),
+            ("linear", EngineChoice::Reference),
+        ] {
             let text = VIEW.replace("fov = 50 deg", view).replace("s.ply\"", &format!("s.ply\"  blend = {blend}"));
             let text = text.replace("33 x 18", "17 x 5") + media[i % 3];
-            if drawn(&text, &file(&list, 3, i % 2 == 1), EngineChoice::Gpu).is_none() {
-                return;
+            let splats = file(&odd(), 3, i % 2 == 1);
+            if drawn(&text, &splats, engine).is_none() {
+                continue;
+            }
+            let mut session = session(&text, &splats, engine, Options::probe()).expect("it was there");
+            let params = Params::defaults(&session.program().lowered);
+            let found = session.probe(&params, &rays, &ProbeSettings::default());
+            for answer in found.unwrap_or_else(|t| fail(Path::new("scene.vol"), &t)) {
+                assert!(answer.radiance.iter().all(|l| *l >= 0.0 && !l.is_nan()), "{answer:?}");
+                assert!(answer.optical_depth.iter().all(|t| *t >= 0.0), "{answer:?}");
             }
         }
+    }
+    if drawn(VIEW, &file(&some(1, 5), 1, false), EngineChoice::Gpu).is_none() {
+        return;
     }
     // A million times larger and smaller.
     let splats = file(&some(60, 5), 1, false);

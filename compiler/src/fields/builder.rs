@@ -69,6 +69,8 @@ impl KernelBuilder {
             FrameValue::SortWord => ("sort_word", 1, true),
             FrameValue::SortShift => ("sort_shift", 1, true),
             FrameValue::ScanLength => ("scan_length", 1, true),
+            FrameValue::ListEntries => ("list_entries", 1, true),
+            FrameValue::ListColumns => ("list_columns", 1, true),
         };
         self.uniform(name, width, integer, UniformSource::Frame(value))
     }
@@ -221,6 +223,36 @@ impl KernelBuilder {
     /// Which of them cover a tile of the picture, or a ray.
     pub fn tile_lists(&mut self) -> u32 {
         self.resource("tile_lists", ResourceKind::ReadBuffer(Ty::U32), Binding::TileLists)
+    }
+
+    /// The same, to be written.
+    pub fn tile_lists_written(&mut self) -> u32 {
+        self.resource("tile_lists_written", ResourceKind::WriteBuffer(Ty::U32), Binding::TileListsWritten)
+    }
+
+    /// Which tiles splats reach.
+    pub fn reaches(&mut self) -> u32 {
+        self.resource("reaches", ResourceKind::ReadBuffer(Ty::U32), Binding::Reaches)
+    }
+
+    /// Where entries of splats begin, to be written.
+    pub fn starts(&mut self) -> u32 {
+        self.resource("starts", ResourceKind::WriteBuffer(Ty::U32), Binding::Starts)
+    }
+
+    /// The same, to be read.
+    pub fn starts_read(&mut self) -> u32 {
+        self.resource("starts_read", ResourceKind::ReadBuffer(Ty::U32), Binding::StartsRead)
+    }
+
+    /// Splats of entries, to be written.
+    pub fn entries(&mut self) -> u32 {
+        self.resource("entries", ResourceKind::WriteBuffer(Ty::U32), Binding::Entries)
+    }
+
+    /// The same, to be read.
+    pub fn entries_read(&mut self) -> u32 {
+        self.resource("entries_read", ResourceKind::ReadBuffer(Ty::U32), Binding::EntriesRead)
     }
 
     /// What was drawn into a target.

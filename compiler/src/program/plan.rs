@@ -224,6 +224,10 @@ pub enum FrameValue {
     SortShift,
     /// u32: how many of [`Binding::Tallies`] are summed up
     ScanLength,
+    /// u32: entries of all lists of splats
+    ListEntries,
+    /// u32: tiles of the picture in a row
+    ListColumns,
 }
 
 /// One field of the uniform block. Layout is WGSL's: offsets in bytes.
@@ -317,6 +321,17 @@ pub enum Binding {
     /// How many keys of each workgroup have each value of a digit, digit by digit; then how many come before them. Or the sums of
     /// something over workgroups, likewise. Array of u32.
     Tallies,
+    /// Which tiles each splat of a file reaches: array of u32, four for each. The first tile; the first of another part, where a panorama
+    /// comes round; columns of the main part · 65536 + columns of the other; rows of both.
+    Reaches,
+    /// Where the entries of each splat begin, in the order of depth: array of u32. Written to.
+    Starts,
+    /// The same, only read.
+    StartsRead,
+    /// Splats of entries, before these are sorted by tile: array of u32. Written to.
+    Entries,
+    /// The same, only read.
+    EntriesRead,
     /// Memory of a workgroup, to which nothing is bound, by a number of its own.
     Workgroup(u32),
     /// Splats of files as this picture shows them: array of f32, each as [`FootprintShape`] says.
@@ -328,6 +343,8 @@ pub enum Binding {
     /// largest α that each has in it; and those of another, the largest radiance of what is left out, in lx. A list ends where the next
     /// begins, and has numbers of footprints, the nearest first.
     TileLists,
+    /// The same, written to.
+    TileListsWritten,
     /// A target of [`Plan::targets`], by its number: what was drawn into it.
     Target(u32),
 }
@@ -418,6 +435,23 @@ pub struct FootprintLayout {
     pub stride: u32,
     /// Entries of a list that a round goes through.
     pub round: u32,
+    /// What puts them in order of depth, and entries of lists in order of tiles.
+    pub sort: SortPass,
+    /// What makes the lists.
+    pub lists: ListPasses,
+}
+
+/// Kernels that make [`Binding::TileLists`] on the device, when splats are in order. The runtime writes the heads of the lists.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct ListPasses {
+    /// Sums of how many tiles the splats of a workgroup reach, [`SortPass::TAKES`] of them, into [`Binding::Tallies`]; then the sort's `scan`.
+    pub sums: u32,
+    /// Where the entries of each splat begin, over as many.
+    pub starts: u32,
+    /// The tile of each entry, which is its key, and its splat; [`SortPass::THREADS`] to a workgroup. Then the sort, by one word.
+    pub spread: u32,
+    /// The lists, over as many.
+    pub fill: u32,
 }
 
 /// How a fragment comes together with what its target holds.
@@ -613,7 +647,7 @@ pub struct Plan {
     pub fill: Option<FillPass>,
     /// What finds the splats, once for each picture and after `fill`.
     pub plant: Option<PlantPass>,
-    /// Splats of files, which are put before the drawing into [`Binding::Footprints`].
+    /// Splats of files, which are put before the drawing into [`Binding::Footprints`], then in order, and into lists.
     pub footprints: Option<FootprintLayout>,
     /// Media that are bounded on a lattice.
     pub bounds: Vec<MediumBounds>,
@@ -629,13 +663,15 @@ impl Plan {
         let plant = self.plant.iter().flat_map(|p| [p.kernel, p.doubt, p.rank, p.drawn]);
         let sort = self.sort().into_iter().flat_map(|s| [s.count, s.scan, s.scatter]);
         let fill = self.fill.as_ref().map(|f| f.kernel);
-        self.passes.iter().flat_map(Pass::kernels).chain(fill).chain(plant).chain(sort)
+        let lists =
+            self.footprints.into_iter().flat_map(|f| [f.lists.sums, f.lists.starts, f.lists.spread, f.lists.fill]);
+        self.passes.iter().flat_map(Pass::kernels).chain(fill).chain(plant).chain(sort).chain(lists)
     }
 
     /// What puts splats in order on the device.
     #[must_use]
     pub fn sort(&self) -> Option<SortPass> {
-        self.plant.map(|p| p.sort)
+        self.plant.map(|p| p.sort).or(self.footprints.map(|f| f.sort))
     }
 
     /// The output of this kind, if it was asked for.

@@ -179,6 +179,12 @@ pub fn print_plan(program: &Program) -> String {
                 SortBuffer::NumbersTo => "buffer of numbers likewise".into(),
             },
             Binding::Tallies => "buffer of tallies of digits".into(),
+            Binding::Reaches => "buffer of the tiles that splats reach, 4 u32 each".into(),
+            Binding::Starts => "buffer of where entries of splats begin".into(),
+            Binding::Entries => "buffer of the splats of entries".into(),
+            Binding::StartsRead | Binding::EntriesRead | Binding::TileListsWritten => {
+                "the same, for other kernels".into()
+            }
             Binding::Workgroup(_) => "memory of a workgroup".into(),
             Binding::Footprints => {
                 format!("buffer of splats of files, {} f32 each", plan.footprints.map_or(0, |f| f.stride))
@@ -216,6 +222,15 @@ pub fn print_plan(program: &Program) -> String {
         print_sort(&mut out, program, plant.sort, "nodes");
         let name = &program.kernels[plant.drawn as usize].name;
         let _ = writeln!(out, "    {name} once, in one invocation");
+    }
+    if let Some(layout) = plan.footprints {
+        print_sort(&mut out, program, layout.sort, "splats");
+        let passes = layout.lists;
+        let names = [passes.sums, layout.sort.scan, passes.starts, passes.spread, passes.fill];
+        let [sums, scan, starts, spread, fill] = names.map(|k| &program.kernels[k as usize].name);
+        let _ = writeln!(out, "    {sums}, {scan} and {starts} once, over splats");
+        let _ =
+            writeln!(out, "    {spread} and {fill} once, over entries of lists, which are sorted by tile between them");
     }
     for pass in &plan.passes {
         let name = |kernel: &u32| &program.kernels[*kernel as usize].name;

@@ -10,7 +10,7 @@ mod extremes;
 mod eye;
 mod faults;
 mod findings;
-mod footprints;
+pub(crate) mod footprints;
 mod lattice;
 mod loader;
 mod measure;

@@ -24,6 +24,7 @@ fn drawing(radiance: [f32; 4], said: [f32; 4], kind: &'static str) -> Drawing {
         splats: None,
         evaluations: None,
         milliseconds: 1.0,
+        arranging: crate::engine::gpu::Arranging::default(),
         clock: "wall",
         dispatches: 0,
         faults: Diagnostics::default(),

@@ -1,13 +1,13 @@
-//! Splats of files: what the runtime projects and puts in order, blended in each pixel with the media between them.
+//! Splats of files: what the runtime projects, put in order and into lists on the device, and blended in each pixel with the media between them.
 //!
 //! A splat is a thin layer where the ray is abreast of its centre. A pixel goes through the list of its tile from the farthest to
 //! the nearest, with what the surface or the sky behind sends; the stretch of the media between two of them acts on radiances
 //! as everywhere, and the splat on encoded numbers or on radiances, as its scene says. So the order of layers is that of the
 //! picture, the media between them are integrated and not sampled once, and blending knows no threshold.
 //!
-//! Passes: `aim` finds the rays; `blend` goes along them.
+//! Passes: those of `sort` and `lists`, once for each picture; then `aim` finds the rays, and `blend` goes along them.
 
-use super::{cannot, veil};
+use super::{cannot, lists, sort, veil};
 use crate::Options;
 use crate::diagnostic::Diagnostics;
 use crate::fields::KernelBuilder;
@@ -64,21 +64,25 @@ pub(super) fn build(
     };
     // Where media are stepped through, each entry may take many rounds of loops, of which drivers count all.
     let round = if seen.closed { CLOSED } else { STEPPED };
-    let layout = FootprintLayout { shape, stride: shape.head() + scene.bands.wavelengths.len() as u32, round };
+    let stride = shape.head() + scene.bands.wavelengths.len() as u32;
     let edge = divided && options.outputs.contains(&OutputKind::Edge);
     let fields = veil::fields(&pieces, edge);
-    let (outputs, stride) = records::layout(&fields, false);
+    let (outputs, record) = records::layout(&fields, false);
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Point));
-    let (blend, carried) = veil::entry(scene, &mut builder, &pieces, layout, (rays, stride), (&fields, ledger));
+    let footprint = (shape, stride, round);
+    let (blend, carried) = veil::entry(scene, &mut builder, &pieces, footprint, (rays, record), (&fields, ledger));
     let (extent, group) = records::extent(options.rays);
     let mut entries = vec![("aim", Stage::Compute(group), aim), ("blend", Stage::Compute(group), blend)];
+    // Depths in f64 are two words.
+    let sort = sort::add(&mut builder, &mut entries, 2);
+    let lists = lists::add(&mut builder, &mut entries);
     let fill = records::add_fill(&mut entries, pieces.fill);
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let plan = Plan {
         backend: "splatting",
         rays: options.rays,
         outputs,
-        stride,
+        stride: record,
         bindings,
         uniforms,
         passes: vec![Pass::Compute { kernel: 0, extent }, Pass::Rounds { kernel: 1, extent }],
@@ -88,7 +92,7 @@ pub(super) fn build(
         steps: rule,
         fill,
         plant: None,
-        footprints: Some(layout),
+        footprints: Some(FootprintLayout { shape, stride, round, sort, lists }),
         carried,
         bounds: vec![],
         samples,

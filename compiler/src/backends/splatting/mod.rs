@@ -14,6 +14,7 @@
 
 mod doubt;
 mod files;
+mod lists;
 mod sort;
 mod splat;
 mod veil;

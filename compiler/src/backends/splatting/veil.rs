@@ -3,7 +3,7 @@
 use crate::fields::{Code, Helper, KernelBuilder};
 use crate::ir::{FieldScene, SplatBlend};
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
-use crate::program::{Fault, FootprintLayout, FootprintShape, FrameValue, Ledger, OutputKind, RaySource};
+use crate::program::{Fault, FootprintShape, FrameValue, Ledger, OutputKind, RaySource};
 use crate::transport::aim::{Note, Rays};
 use crate::transport::cut_short;
 use crate::transport::layers::{component, components};
@@ -197,15 +197,16 @@ struct Met {
 
 /// What is the same for all footprints on a ray.
 struct Place {
-    layout: FootprintLayout,
+    shape: FootprintShape,
+    stride: u32,
     direction: Expr,
     /// Pixels from the middle of the picture, and the cosine to the view.
     plane: Option<(Expr, Expr, Expr)>,
 }
 
 impl Place {
-    fn new(builder: &mut KernelBuilder, code: &mut Code, layout: FootprintLayout, note: &Note) -> Self {
-        let plane = (layout.shape == FootprintShape::Plane).then(|| {
+    fn new(builder: &mut KernelBuilder, code: &mut Code, (shape, stride): (FootprintShape, u32), note: &Note) -> Self {
+        let plane = (shape == FootprintShape::Plane).then(|| {
             let size = builder.frame(FrameValue::ImageSize).convert(Prim::F32);
             let size = code.bind("size", Ty::float(2), size);
             let x = code.bind("from_middle_x", Ty::F32, note.first.clone() - size.clone().component(0) * 0.5);
@@ -213,20 +214,20 @@ impl Place {
             let facing = note.direction.clone().dot(builder.frame(FrameValue::CameraForward));
             (x, y, code.bind("facing", Ty::F32, facing))
         });
-        Self { layout, direction: note.direction.clone(), plane }
+        Self { shape, stride, direction: note.direction.clone(), plane }
     }
 }
 
 fn meet(builder: &mut KernelBuilder, code: &mut Code, place: &Place, number: &Expr) -> Met {
     let footprints = builder.footprints();
-    let base = code.bind("base", Ty::U32, number.clone() * place.layout.stride);
+    let base = code.bind("base", Ty::U32, number.clone() * place.stride);
     let mut next = 0u32;
     let mut read = |code: &mut Code, name: &str| {
         next += 1;
         code.bind(name, Ty::F32, Expr::load(footprints, base.clone() + (next - 1)))
     };
     let depth = read(code, "depth");
-    let (t, power) = match (place.layout.shape, &place.plane) {
+    let (t, power) = match (place.shape, &place.plane) {
         (FootprintShape::Plane, Some((x, y, facing))) => {
             let [xx, xy, x0, yy, y0] = ["xx", "xy", "x0", "yy", "y0"].map(|name| read(code, name));
             let u = code.bind("u", Ty::F32, xx * x.clone() + xy * y.clone() + x0);
@@ -253,7 +254,7 @@ fn meet(builder: &mut KernelBuilder, code: &mut Code, place: &Place, number: &Ex
         alpha = alpha * (power * -0.5).exp();
     }
     let alpha = code.bind("alpha", Ty::F32, alpha);
-    Met { t, alpha, encoded: opacity.less(0.0), colors: base + place.layout.shape.head() }
+    Met { t, alpha, encoded: opacity.less(0.0), colors: base + place.shape.head() }
 }
 
 /// −log(1 − α), at most [`OPAQUE`].
@@ -273,12 +274,12 @@ pub(super) fn entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
     pieces: &Pieces,
-    layout: FootprintLayout,
+    (shape, footprint, of_round): (FootprintShape, u32, u32),
     (rays, stride): (Rays, u32),
     (fields, ledger): (&[(OutputKind, u8)], &mut Ledger),
 ) -> (Function, u32) {
     let mut code = Code::new("blend", None);
-    let source = if layout.shape == FootprintShape::Ray { RaySource::List } else { RaySource::Camera };
+    let source = if shape == FootprintShape::Ray { RaySource::List } else { RaySource::Camera };
     let record = match source {
         RaySource::Camera => {
             let Pixel { record, .. } = records::pixel(builder, &mut code);
@@ -296,11 +297,9 @@ pub(super) fn entry(
     let tile = match source {
         RaySource::List => origin.component(0) + record.clone(),
         RaySource::Camera => {
-            let size = builder.frame(FrameValue::ImageSize);
             let edge = builder.frame(FrameValue::ListEdge);
             let whole = |at: &Expr| at.clone().convert(Prim::U32) / edge.clone();
-            let across = (size.component(0) + edge.clone() - 1u32) / edge.clone();
-            whole(&note.step) * across + whole(&note.first)
+            whole(&note.step) * builder.frame(FrameValue::ListColumns) + whole(&note.first)
         }
     };
     let lists = builder.tile_lists();
@@ -311,13 +310,13 @@ pub(super) fn entry(
     let last = code.bind("end_of_list", Ty::U32, list(3));
     let length = code.bind("length_of_list", Ty::U32, last.clone() - first.clone());
     let round = builder.frame(FrameValue::Round);
-    let done = Expr::Math(Math::Min, vec![round.clone() * layout.round, length.clone()]);
+    let done = Expr::Math(Math::Min, vec![round.clone() * of_round, length.clone()]);
     let done = code.bind("done_before", Ty::U32, done);
     let next = code.var("next", Ty::U32, last - done.clone());
-    let part = Expr::Math(Math::Min, vec![Expr::U32(layout.round), length - done]);
+    let part = Expr::Math(Math::Min, vec![Expr::U32(of_round), length - done]);
     let first = code.bind("first_of_round", Ty::U32, Expr::Local(next) - part);
 
-    let lw = (layout.stride - layout.shape.head()) as u8;
+    let lw = (footprint - shape.head()) as u8;
     let dw = pieces.place(Part::Depth).map_or(1, |i| components(pieces.parts[i as usize].1));
     let wants = |kind: OutputKind| fields.iter().any(|f| f.0 == kind);
     let through = wants(OutputKind::Transmittance) || wants(OutputKind::OpticalDepth);
@@ -376,7 +375,7 @@ pub(super) fn entry(
     }
     let go_on = code.close();
     code.push_if_else(round.clone().equal(0u32), begin, go_on);
-    let place = Place::new(builder, &mut code, layout, &blend.note);
+    let place = Place::new(builder, &mut code, (shape, footprint), &blend.note);
     code.open();
     code.break_if(Expr::Local(next).less_equal(first));
     code.set(next, Expr::Local(next) - 1u32);

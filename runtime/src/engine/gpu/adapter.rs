@@ -6,6 +6,7 @@ use compiler::program::kernel::{Kernel, ResourceKind};
 use compiler::program::{Binding, MOST_BRICKS, Program, used_resources};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Instant;
 
 /// Most bytes of records (or rays) that one dispatch writes: bounds the memory of tiles, and fits every adapter.
 pub(super) const TILE_BYTES: u64 = 32 << 20;
@@ -222,7 +223,17 @@ impl Needs {
                     needs.storage_bytes = needs.storage_bytes.max((count * stride * 4).next_power_of_two());
                 }
                 Binding::Workgroup(_) => {}
-                Binding::Splats
+                Binding::Reaches => {
+                    let count: u64 = program.optimised.splats.iter().map(|s| u64::from(s.header.count)).sum();
+                    needs.storage_bytes = needs.storage_bytes.max((count * 16).next_power_of_two());
+                }
+                // What is as many as entries of lists is bounded, and what is as many as splats is smaller than their tiles.
+                Binding::Starts
+                | Binding::StartsRead
+                | Binding::Entries
+                | Binding::EntriesRead
+                | Binding::TileListsWritten
+                | Binding::Splats
                 | Binding::SplatsRead
                 | Binding::TileLists
                 | Binding::Order
@@ -415,6 +426,13 @@ impl Gpu {
     #[must_use]
     pub fn adapter(&self) -> &AdapterReport {
         &self.report
+    }
+
+    /// Waits until all is done that has been submitted, and gives the milliseconds since `started`.
+    pub(super) fn finish(&self, started: Instant) -> Result<f64, GpuError> {
+        let index = self.queue.submit([]);
+        self.watch.wait(index)?;
+        Ok(started.elapsed().as_secs_f64() * 1e3)
     }
 
     /// The limits that were requested.

@@ -5,7 +5,7 @@ use super::errors::{GpuError, GpuErrorKind};
 use super::pipelines::Pipelines;
 use super::readback::{Flight, Once, Slot};
 use super::resources::{Resources, SceneData, Uploads};
-use super::sorting::{Sorting, read};
+use super::sorting::{DIGITS, Sorting, read};
 use super::tiles::{Pace, Walk};
 use super::uniforms::{Block, Part};
 use crate::frame::{Bricks, Frame};
@@ -51,6 +51,17 @@ pub struct Timing {
     pub clock: Clock,
     /// How many dispatches it was cut into.
     pub dispatches: u32,
+    /// What went before, where there are splats.
+    pub arranging: Arranging,
+}
+
+/// What it took to arrange splats on the device before a picture is drawn, in milliseconds by the wall clock.
+#[derive(Copy, Clone, Debug, Default, PartialEq)]
+pub struct Arranging {
+    /// To put them in order of depth.
+    pub order: f64,
+    /// To make lists of them.
+    pub lists: f64,
 }
 
 impl Timing {
@@ -59,7 +70,9 @@ impl Timing {
     pub fn and(self, other: Self) -> Self {
         let clock = if other.clock == Clock::Wall { Clock::Wall } else { self.clock };
         let milliseconds = self.milliseconds + other.milliseconds;
-        Self { milliseconds, clock, dispatches: self.dispatches + other.dispatches }
+        let (a, b) = (self.arranging, other.arranging);
+        let arranging = Arranging { order: a.order + b.order, lists: a.lists + b.lists };
+        Self { milliseconds, clock, dispatches: self.dispatches + other.dispatches, arranging }
     }
 }
 
@@ -93,6 +106,8 @@ pub struct Prepared {
     tables: Option<(Vec<Vec<f64>>, f64, Tables)>,
     /// The bounds of media that the device holds.
     bricks: Option<Arc<Vec<Vec<Bricks>>>>,
+    /// Of the drawing that is under way.
+    arranging: Arranging,
 }
 
 impl Gpu {
@@ -142,6 +157,7 @@ impl Gpu {
             slots: vec![],
             tables: None,
             bricks: None,
+            arranging: Arranging::default(),
         })
     }
 }
@@ -194,20 +210,35 @@ impl Prepared {
         };
         let too_many = |_| GpuError::new(GpuErrorKind::TooLarge, "more than 4294967295 keys at once");
         let count = u32::try_from(keys.len() / sort.words.max(1) as usize).map_err(too_many)?;
-        let size = (count, sort.words);
+        let size = (count, keys.len() as u64);
         if Sorting::hold(&mut self.resources.sorting, &self.gpu, &self.program, size)? {
             self.slots.clear();
         }
         let Some(sorting) = &self.resources.sorting else { return Ok((vec![], 0.0)) };
         self.gpu.queue.write_buffer(sorting.keys(), 0, bytemuck::cast_slice(keys));
-        let index = self.gpu.queue.submit([]);
-        self.gpu.watch.wait(index)?;
+        self.gpu.finish(Instant::now())?;
         let started = Instant::now();
-        sorting.run(&self.gpu, &self.program, steps, &mut Block::of_sort(&self.program), size)?;
-        let index = self.gpu.queue.submit([]);
-        self.gpu.watch.wait(index)?;
-        let seconds = started.elapsed().as_secs_f64();
+        sorting.run(
+            &self.gpu,
+            &self.program,
+            steps,
+            &mut Block::of_sort(&self.program),
+            (count, sort.words * DIGITS),
+        )?;
+        let seconds = 1e-3 * self.gpu.finish(started)?;
         Ok((read(&self.gpu, sorting.order(), count)?, seconds))
+    }
+
+    /// Lists of a frame as the device makes them, with their heads.
+    #[cfg(test)]
+    pub(super) fn lists(&mut self, frame: &Frame) -> Result<Vec<u32>, GpuError> {
+        let mut block = self.evaluate(frame);
+        self.list_footprints(frame, &mut block)?;
+        let length = frame.footprints.heads().len() as u32 + frame.footprints.entries();
+        match self.resources.sorting.as_ref().and_then(Sorting::lists) {
+            Some(lists) => read(&self.gpu, lists, length),
+            None => Ok(vec![]),
+        }
     }
 
     fn expect(&self, rays: RaySource) -> Result<(), GpuError> {
@@ -279,8 +310,9 @@ impl Prepared {
                 let message = format!("{} splats are more than this adapter holds", frame.lattice.len());
                 return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("ask for fewer `splats`"));
             }
-            let (count, words) = (frame.lattice.len(), plant.sort.words);
-            let moved = Sorting::hold(&mut self.resources.sorting, &self.gpu, &self.program, (count, words))?;
+            let count = frame.lattice.len();
+            let size = (count, u64::from(count) * u64::from(plant.sort.words));
+            let moved = Sorting::hold(&mut self.resources.sorting, &self.gpu, &self.program, size)?;
             if self.resources.hold_splats(&self.gpu, count, plant.stride) || moved {
                 self.slots.clear();
             }
@@ -301,7 +333,9 @@ impl Prepared {
     fn put_in_order(&mut self, block: &mut Block, count: u32) -> Result<(), GpuError> {
         let (steps, sorting) = (&self.pipelines.sort, &self.resources.sorting);
         if let (Some(steps), Some(sorting), Some(sort)) = (steps, sorting, self.program.plan.sort()) {
-            sorting.run(&self.gpu, &self.program, steps, block, (count, sort.words))?;
+            let started = Instant::now();
+            sorting.run(&self.gpu, &self.program, steps, block, (count, sort.words * DIGITS))?;
+            self.arranging.order = self.gpu.finish(started)?;
             self.resources.drawn = match &self.pipelines.drawn {
                 Some(step) => sorting.drawn(&self.gpu, &self.program, step, block, count)?,
                 None => count,
@@ -310,11 +344,13 @@ impl Prepared {
         Ok(())
     }
 
-    /// Brings splats of files to the device.
-    fn write_footprints(&mut self, frame: &Frame) -> Result<(), GpuError> {
-        let (records, lists) = (frame.footprints.records(frame.part), frame.footprints.lists());
+    /// Brings splats of files to the device, puts them in order there, and makes the lists of tiles.
+    fn list_footprints(&mut self, frame: &Frame, block: &mut Block) -> Result<(), GpuError> {
+        let (Some(sort), Some(lists)) = (&self.pipelines.sort, &self.pipelines.lists) else { return Ok(()) };
+        let shown = &frame.footprints;
+        let records = shown.records(frame.part);
         let most = self.gpu.limits().max_storage_buffer_binding_size;
-        let bytes = 4 * records.len().max(lists.len()) as u64;
+        let bytes = 4 * records.len() as u64;
         // Buffers grow to powers of two.
         if bytes.next_power_of_two() > most {
             let message =
@@ -322,7 +358,23 @@ impl Prepared {
             return Err(GpuError::new(GpuErrorKind::TooLarge, message)
                 .hint("draw with `--engine cpu`, or prune the file of splats"));
         }
-        if self.resources.write_footprints(&self.gpu, records, lists) {
+        let mut moved = self.resources.write_footprints(&self.gpu, records);
+        let (count, entries) = (shown.len(), shown.entries());
+        let size = (count.max(entries), (shown.keys().len() as u64).max(entries.into()));
+        moved |= Sorting::hold(&mut self.resources.sorting, &self.gpu, &self.program, size)?;
+        if let Some(sorting) = &mut self.resources.sorting {
+            moved |= sorting.write_lists(&self.gpu, shown)?;
+            let digits = self.program.plan.sort().map_or(0, |s| s.words * DIGITS);
+            // On their way before the clock starts.
+            self.gpu.finish(Instant::now())?;
+            let started = Instant::now();
+            sorting.run(&self.gpu, &self.program, sort, block, (count, digits))?;
+            self.arranging.order = self.gpu.finish(started)?;
+            let started = Instant::now();
+            sorting.list(&self.gpu, &self.program, (sort, lists), block, shown)?;
+            self.arranging.lists = self.gpu.finish(started)?;
+        }
+        if moved {
             self.slots.clear();
         }
         Ok(())
@@ -336,13 +388,14 @@ impl Prepared {
         take: &mut dyn FnMut(Tile, &[f32]),
     ) -> Result<Timing, GpuError> {
         self.gpu.watch.check()?;
+        self.arranging = Arranging::default();
         let mut block = self.evaluate(frame);
         let drawn = self.program.plan.bindings.contains(&Binding::Outlines);
         if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs.outlines) {
             self.slots.clear();
         }
         if self.program.plan.footprints.is_some() {
-            self.write_footprints(frame)?;
+            self.list_footprints(frame, &mut block)?;
         }
         // A drawing that leans has the splats of the one before.
         if frame.lean == 0.0 {
@@ -414,6 +467,7 @@ impl Prepared {
             milliseconds: 1e3 * if gpu_clock { stamped } else { started.elapsed().as_secs_f64() },
             clock: if gpu_clock { Clock::Gpu } else { Clock::Wall },
             dispatches,
+            arranging: self.arranging,
         })
     }
 }

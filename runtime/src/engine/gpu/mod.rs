@@ -18,7 +18,7 @@ mod tiles;
 mod uniforms;
 
 pub use adapter::{AdapterChoice, AdapterKind, AdapterReport, Gpu, Needs, adapters};
-pub use draw::{Clock, PackedRay, Prepared, Tile, Timing};
+pub use draw::{Arranging, Clock, PackedRay, Prepared, Tile, Timing};
 pub use errors::{GpuError, GpuErrorKind};
 pub use pipelines::cache_folder;
 pub use resources::{GridData, SceneData};

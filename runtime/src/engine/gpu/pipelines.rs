@@ -2,7 +2,7 @@
 
 use super::adapter::Gpu;
 use super::errors::{GpuError, GpuErrorKind};
-use super::sorting::SortSteps;
+use super::sorting::{ListSteps, SortSteps};
 use compiler::loader::Scalar;
 use compiler::program::kernel::{Prim, Stage};
 use compiler::program::{Binding, Blend, Pass, Program, SortBuffer, Target, texture_prim};
@@ -48,7 +48,9 @@ fn binding_type(program: &Program, binding: Binding) -> Option<wgpu::BindingType
         },
         Binding::Table(_) | Binding::Mesh(_) | Binding::Rays | Binding::NotesRead | Binding::Outlines => storage(true),
         Binding::SplatsRead | Binding::Order | Binding::Bounds(_) | Binding::KeysRead => storage(true),
-        Binding::Footprints | Binding::TileLists => storage(true),
+        Binding::Footprints | Binding::TileLists | Binding::Reaches => storage(true),
+        Binding::StartsRead | Binding::EntriesRead => storage(true),
+        Binding::Starts | Binding::Entries | Binding::TileListsWritten => storage(false),
         Binding::Sorting(SortBuffer::KeysFrom | SortBuffer::NumbersFrom) => storage(true),
         Binding::Sorting(SortBuffer::KeysTo | SortBuffer::NumbersTo) => storage(false),
         Binding::Keys | Binding::Tallies => storage(false),
@@ -89,6 +91,7 @@ pub(super) struct Pipelines {
     pub(super) rank: Option<Step>,
     pub(super) drawn: Option<Step>,
     pub(super) sort: Option<SortSteps>,
+    pub(super) lists: Option<ListSteps>,
 }
 
 /// The format of a target.
@@ -250,10 +253,19 @@ impl Pipelines {
             }),
             None => None,
         };
+        let lists = match program.plan.footprints.map(|f| f.lists) {
+            Some(lists) => Some(ListSteps {
+                sums: compiler.compute(lists.sums)?,
+                starts: compiler.compute(lists.starts)?,
+                spread: compiler.compute(lists.spread)?,
+                fill: compiler.compute(lists.fill)?,
+            }),
+            None => None,
+        };
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { passes, fill, plant, doubt, rank, drawn, sort })
+        Ok(Self { passes, fill, plant, doubt, rank, drawn, sort, lists })
     }
 }
 

@@ -169,9 +169,11 @@ impl Slot {
                 Binding::Keys => resources.sorting.as_ref().map(|s| s.keys().as_entire_binding()),
                 // Of the sort alone.
                 Binding::KeysRead | Binding::Sorting(_) | Binding::Tallies | Binding::Workgroup(_) => None,
+                Binding::Reaches | Binding::Starts | Binding::StartsRead => None,
+                Binding::Entries | Binding::EntriesRead | Binding::TileListsWritten => None,
                 Binding::Splats | Binding::SplatsRead => whole(&resources.splats),
                 Binding::Footprints => resources.footprints.as_ref().map(|f| f.0.as_entire_binding()),
-                Binding::TileLists => resources.lists.as_ref().map(|l| l.0.as_entire_binding()),
+                Binding::TileLists => resources.sorting.as_ref()?.lists().map(wgpu::Buffer::as_entire_binding),
                 Binding::Target(i) => self.targets.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
             })
             .collect();

@@ -63,8 +63,6 @@ pub(super) struct Resources {
     pub(super) splats: Option<wgpu::Buffer>,
     /// Splats of files as the picture shows them, and how many numbers they have.
     pub(super) footprints: Option<(wgpu::Buffer, u32)>,
-    /// Which of them cover each tile, likewise.
-    pub(super) lists: Option<(wgpu::Buffer, u32)>,
 }
 
 impl Resources {
@@ -85,7 +83,6 @@ impl Resources {
             drawn: 0,
             splats: None,
             footprints: None,
-            lists: None,
         };
         for binding in &program.plan.bindings {
             match binding {
@@ -143,7 +140,8 @@ impl Resources {
                 Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
                 Binding::Footprints | Binding::TileLists | Binding::Carried => {}
                 Binding::Keys | Binding::KeysRead | Binding::Sorting(_) | Binding::Tallies => {}
-                Binding::Workgroup(_) => {}
+                Binding::Workgroup(_) | Binding::Reaches | Binding::Starts | Binding::StartsRead => {}
+                Binding::Entries | Binding::EntriesRead | Binding::TileListsWritten => {}
                 Binding::Uniforms | Binding::Rays | Binding::Records | Binding::Notes | Binding::NotesRead => {}
             }
         }
@@ -166,11 +164,9 @@ impl Resources {
         !fits
     }
 
-    /// Writes splats of files and their lists. Gives whether a buffer is another one now.
-    pub(super) fn write_footprints(&mut self, gpu: &Gpu, records: &[f32], lists: &[u32]) -> bool {
-        let (records, lists) = (bytemuck::cast_slice(records), bytemuck::cast_slice(lists));
-        let moved = write(gpu, "footprints", &mut self.footprints, records, records.len() / 4);
-        write(gpu, "lists", &mut self.lists, lists, lists.len() / 4) || moved
+    /// Writes splats of files. Gives whether the buffer is another one now.
+    pub(super) fn write_footprints(&mut self, gpu: &Gpu, records: &[f32]) -> bool {
+        write(gpu, "footprints", &mut self.footprints, bytemuck::cast_slice(records), records.len())
     }
 
     /// Writes the bounds of media.
@@ -196,11 +192,11 @@ impl Resources {
 }
 
 /// A storage buffer of at least so many bytes.
-fn storage(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
+pub(super) fn storage(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: bytes.next_power_of_two().max(64),
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
 }

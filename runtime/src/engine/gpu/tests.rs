@@ -121,7 +121,7 @@ fn field(name: &str, offset: u32, width: u8, integer: bool, source: UniformSourc
     UniformField { name: name.into(), offset, width, integer, source }
 }
 
-fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
+pub(super) fn frame(size: [u32; 2], params: Vec<Vec<f64>>) -> Frame {
     let eye = Eye { anchor: [1.0, 2.0, 3.0], forward: [0.0, 0.0, 1.0], right: [4.0; 3], up: [5.0; 3], plane: 6.0 };
     Frame {
         params,

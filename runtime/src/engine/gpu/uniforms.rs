@@ -146,6 +146,8 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::LatticeCounts => frame.lattice.counts.map(f64::from).to_vec(),
         FrameValue::ListEdge => vec![f64::from(frame.footprints.edge())],
         FrameValue::RoundCount => vec![f64::from(frame.footprints.rounds())],
+        FrameValue::ListEntries => vec![f64::from(frame.footprints.entries())],
+        FrameValue::ListColumns => vec![f64::from(frame.footprints.columns())],
     })
 }
 
@@ -187,7 +189,9 @@ fn of_part(value: FrameValue, part: Part, (repeat, round): (u32, u32)) -> Vec<f6
         | FrameValue::Lean
         | FrameValue::LatticeCounts
         | FrameValue::ListEdge
-        | FrameValue::RoundCount => vec![],
+        | FrameValue::RoundCount
+        | FrameValue::ListEntries
+        | FrameValue::ListColumns => vec![],
     }
 }
 

@@ -6,6 +6,5 @@ mod grids;
 mod paths;
 mod project;
 mod single;
-mod splats;
 mod stiff;
 mod surfaces;

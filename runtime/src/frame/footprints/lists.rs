@@ -1,9 +1,10 @@
-//! Which splats cover which tile of a picture.
+//! Which tiles of a picture each splat covers, and what lists leave out: a sum in f64, for it is part of a reported error.
 
 use super::project::{Projected, Seen};
-use super::{FLOOR, LeftOut};
+use super::{FLOOR, LeftOut, Tiles};
 use crate::frame::vector::dot;
 use crate::frame::{Camera, View};
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::Range;
 
@@ -12,10 +13,12 @@ const EDGE: u32 = 16;
 /// Entries of all lists; where there would be more, tiles are larger.
 const MOST: u64 = 1 << 24;
 
-/// Lists as kernels read them.
+/// What lists are made of.
 pub(super) struct Lists {
     pub(super) edge: u32,
-    pub(super) numbers: Vec<u32>,
+    pub(super) columns: u32,
+    pub(super) reaches: Vec<[u32; 4]>,
+    pub(super) heads: Vec<u32>,
 }
 
 /// Tiles on the picture.
@@ -24,9 +27,6 @@ struct Grid<'a> {
     edge: u32,
     counts: [u32; 2],
 }
-
-/// Columns (the second part is empty but where a panorama comes round) and rows of tiles.
-type Tiles = ([Range<u32>; 2], Range<u32>);
 
 impl Grid<'_> {
     /// Tiles that an interval of pixels touches.
@@ -42,16 +42,15 @@ impl Grid<'_> {
 
     /// Tiles outside of which a splat covers less than `least`.
     fn reached(&self, seen: &Seen, least: f64) -> Tiles {
-        let none = ([0..0, 0..0], 0..0);
         if seen.opacity < least {
-            return none;
+            return Tiles::default();
         }
         let reach = (2.0 * (seen.opacity / least).ln()).sqrt();
         let [xx, xy, yy] = seen.covariance;
         let around = |axis: usize, half: f64| self.touched(axis, seen.at[axis] - half, seen.at[axis] + half);
         match self.camera.view {
             View::Perspective { .. } | View::Orthographic { .. } => {
-                ([around(0, reach * xx.sqrt()), 0..0], around(1, reach * yy.sqrt()))
+                Tiles { columns: [around(0, reach * xx.sqrt()), 0..0], rows: around(1, reach * yy.sqrt()) }
             }
             View::Panorama => {
                 let [w, h] = self.camera.size.map(f64::from);
@@ -65,7 +64,7 @@ impl Grid<'_> {
                 let rows = self.touched(1, row(latitude + angle), row(latitude - angle));
                 let whole = 0..self.counts[0];
                 if latitude.abs() + angle >= FRAC_PI_2 {
-                    return ([whole, 0..0], rows);
+                    return Tiles { columns: [whole, 0..0], rows };
                 }
                 let half = (angle.sin() / latitude.cos()).min(1.0).asin() + 1e-9;
                 let column = |longitude: f64| (longitude / PI + 1.0) * 0.5 * w;
@@ -79,7 +78,7 @@ impl Grid<'_> {
                     0..0
                 };
                 let apart = rest.is_empty() || rest.start >= main.end || rest.end <= main.start;
-                (if apart { [main, rest] } else { [whole, 0..0] }, rows)
+                Tiles { columns: if apart { [main, rest] } else { [whole, 0..0] }, rows }
             }
         }
     }
@@ -103,67 +102,45 @@ impl Grid<'_> {
     }
 }
 
-fn each((columns, rows): &Tiles, mut visit: impl FnMut([u32; 2])) {
-    for row in rows.clone() {
-        for column in columns[0].clone().chain(columns[1].clone()) {
-            visit([column, row]);
-        }
-    }
-}
-
-fn holds((columns, rows): &Tiles, [column, row]: [u32; 2]) -> bool {
-    rows.contains(&row) && columns.iter().any(|c| c.contains(&column))
-}
-
-fn area((columns, rows): &Tiles) -> u64 {
-    columns.iter().map(|c| c.len() as u64).sum::<u64>() * rows.len() as u64
-}
-
 impl Projected {
-    /// The lists of all tiles, each in the order that splats are in now, without what covers less than `cut` in a tile.
+    /// What is listed where: all but what covers less than `cut` in a tile.
     pub(super) fn lists(&self, camera: &Camera, cut: f64) -> Lists {
         let cut = cut.max(2.0 * FLOOR);
         let mut edge = EDGE;
         loop {
             let grid = Grid { camera, edge, counts: camera.size.map(|n| n.div_ceil(edge).max(1)) };
-            let entries: u64 = self.list.iter().map(|s| area(&grid.reached(s, cut))).sum();
+            let listed: Vec<Tiles> = self.list.par_iter().map(|s| grid.reached(s, cut)).collect();
+            let entries: u64 = listed.par_iter().map(Tiles::area).sum();
             if entries <= MOST || grid.counts == [1, 1] {
-                return self.lists_of(&grid, cut, entries as usize);
+                return self.lists_of(&grid, cut, &listed);
             }
             edge *= 2;
         }
     }
 
-    fn lists_of(&self, grid: &Grid<'_>, cut: f64, entries: usize) -> Lists {
-        let tiles = grid.counts[0] as usize * grid.counts[1] as usize;
-        let number = |[column, row]: [u32; 2]| row as usize * grid.counts[0] as usize + column as usize;
+    fn lists_of(&self, grid: &Grid<'_>, cut: f64, listed: &[Tiles]) -> Lists {
+        let [columns, rows] = grid.counts;
+        let tiles = columns as usize * rows as usize;
+        let number = |[column, row]: [u32; 2]| row as usize * columns as usize + column as usize;
         let mut left_out = vec![LeftOut { alpha: FLOOR * self.list.len() as f64, brightest: 0.0 }; tiles];
-        let mut ends = vec![0u32; tiles];
-        for seen in &self.list {
-            let listed = grid.reached(seen, cut);
-            each(&listed, |tile| ends[number(tile)] += 1);
+        let mut lengths = vec![0u32; tiles];
+        for (seen, listed) in self.list.iter().zip(listed) {
+            listed.each(|tile| lengths[number(tile)] += 1);
             // What is just not listed, but for the very least.
-            each(&grid.reached(seen, FLOOR), |tile| {
-                if !holds(&listed, tile) {
+            grid.reached(seen, FLOOR).each(|tile| {
+                if !listed.holds(tile) {
                     left_out[number(tile)].add(grid.most(seen, tile).min(cut), seen.brightness());
                 }
             });
         }
-        let head = 3 * (tiles + 1);
-        let mut numbers = vec![0u32; head + entries];
-        let mut at = head as u32;
-        for (tile, left_out) in left_out.iter().enumerate() {
-            numbers[3 * tile..3 * tile + 3].copy_from_slice(&[at, left_out.alpha(), left_out.light()]);
-            at += std::mem::replace(&mut ends[tile], at);
+        let mut heads = Vec::with_capacity(3 * (tiles + 1));
+        let mut at = 3 * (tiles as u32 + 1);
+        for (left_out, length) in left_out.iter().zip(lengths) {
+            heads.extend([at, left_out.alpha(), left_out.light()]);
+            at += length;
         }
-        numbers[3 * tiles] = at;
-        for (i, seen) in self.list.iter().enumerate() {
-            each(&grid.reached(seen, cut), |tile| {
-                let end = &mut ends[number(tile)];
-                numbers[*end as usize] = i as u32;
-                *end += 1;
-            });
-        }
-        Lists { edge: grid.edge, numbers }
+        heads.extend([at, 0, 0]);
+        let reaches = listed.par_iter().map(|t| t.packed(columns)).collect();
+        Lists { edge: grid.edge, columns, reaches, heads }
     }
 }

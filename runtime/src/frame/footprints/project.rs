@@ -2,7 +2,6 @@
 
 use super::{Cast, FLOOR, LeftOut, bounded};
 use crate::data::splats::color;
-use crate::engine::order::{depth_key, sorted_indices};
 use crate::frame::vector::{Vec3, cross, dot, length, normalize, sub};
 use crate::frame::{Camera, View};
 use crate::image::{srgb_decode, srgb_encode};
@@ -28,8 +27,6 @@ struct Body {
 /// A splat in the picture.
 #[derive(Copy, Clone, Debug)]
 pub(super) struct Seen {
-    set: u32,
-    index: u32,
     /// Along the view, or the distance in a panorama.
     depth: f64,
     /// Pixels from the upper left corner; in a panorama the direction.
@@ -166,8 +163,7 @@ impl Cast<'_> {
         };
         let light = self.light(set, index, view).map(bounded);
         let encoded = self.placed[set].encoded;
-        let (set, index) = (set as u32, index as u32);
-        Some(Seen { set, index, depth, at, covariance, determinant, opacity, light, encoded })
+        Some(Seen { depth, at, covariance, determinant, opacity, light, encoded })
     }
 }
 
@@ -179,7 +175,7 @@ pub(super) fn across(direction: Vec3) -> [Vec3; 2] {
     [u, cross(direction, u)]
 }
 
-/// All splats that a camera may see.
+/// All splats that a camera may see. What is behind the eye or has no finite picture is not among them.
 #[derive(Clone, Debug)]
 pub struct Projected {
     pub(super) list: Vec<Seen>,
@@ -209,18 +205,9 @@ impl Projected {
         self.list.is_empty()
     }
 
-    /// Puts them in order, the nearest first; of those at one depth the first in the scene.
-    pub fn sort(&mut self) {
-        let keys: Vec<u32> = self.list.par_iter().map(|s| depth_key(s.depth as f32)).collect();
-        let order = sorted_indices(&keys);
-        let mut sorted: Vec<Seen> = order.par_iter().map(|i| self.list[*i as usize]).collect();
-        // Keys are of 32 bits and depths of 64.
-        for same in sorted.chunk_by_mut(|a, b| a.depth as f32 == b.depth as f32) {
-            if same.len() > 1 {
-                same.sort_by(|a, b| a.depth.total_cmp(&b.depth).then((a.set, a.index).cmp(&(b.set, b.index))));
-            }
-        }
-        self.list = sorted;
+    /// Their keys, as [`super::Footprints::keys`] has them.
+    pub(super) fn keys(&self) -> Vec<u32> {
+        super::keys(self.list.iter().map(|s| s.depth))
     }
 
     /// What kernels read, for each part of a program. `plane` is the depth of the anchor.
@@ -262,13 +249,17 @@ pub(super) struct Met {
 }
 
 impl Met {
+    pub(super) fn t(&self) -> f64 {
+        self.t
+    }
+
     pub(super) fn write(&self, out: &mut Vec<f32>, start: f64, bands: &[Vec3]) {
         out.extend([bounded(self.t + start), signed(self.alpha, self.encoded)]);
         write_light(out, self.light, self.encoded, bands);
     }
 }
 
-/// The splats on a ray, the nearest first, and what is left out: α is the largest value of o·exp(−½ (x−μ)ᵀΣ⁻¹(x−μ)) on the ray.
+/// The splats on a ray, in the order of the scene, and what is left out: α is the largest value of o·exp(−½ (x−μ)ᵀΣ⁻¹(x−μ)) on the ray.
 pub(super) fn along(cast: &Cast<'_>, (origin, direction): (Vec3, Vec3), cut: f64) -> (Vec<Met>, LeftOut) {
     let plane = across(direction);
     let one = |number: usize| {
@@ -302,6 +293,5 @@ pub(super) fn along(cast: &Cast<'_>, (origin, direction): (Vec3, Vec3), cut: f64
         }
         kept
     });
-    met.sort_by(|a, b| a.t.total_cmp(&b.t));
     (met, left_out)
 }

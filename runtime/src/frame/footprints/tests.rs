@@ -13,7 +13,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-fn files(count: usize, seed: u64) -> Vec<Arc<Splats>> {
+pub(crate) fn files(count: usize, seed: u64) -> Vec<Arc<Splats>> {
     let mut x = noise(seed);
     let gaussians = (0..count).map(|_| Gaussian {
         center: [4.0 * x() - 2.0, 4.0 * x() - 2.0, 4.0 * x() - 2.0],
@@ -25,7 +25,7 @@ fn files(count: usize, seed: u64) -> Vec<Arc<Splats>> {
     vec![Arc::new(Splats::new(0, false, gaussians).expect("splats").0)]
 }
 
-fn cast(files: &[Arc<Splats>]) -> Cast<'_> {
+pub(crate) fn cast(files: &[Arc<Splats>]) -> Cast<'_> {
     let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     Cast { files, placed: vec![Placed { rows, offset: [0.0; 3], back: rows, encoded: true }], unit: 1.0 }
 }
@@ -51,6 +51,23 @@ fn alpha(record: &[f32], camera: &Camera, at: [f64; 2]) -> f64 {
     o.abs() * (-0.5 * (u * u + v * v)).exp()
 }
 
+/// The lists that the device is to make of what it gets.
+pub(crate) fn lists(shown: &Footprints) -> Vec<Vec<u32>> {
+    let count = shown.len();
+    let word = |i: u32| u64::from(shown.keys[i as usize]);
+    let mut order: Vec<u32> = (0..count).collect();
+    order.sort_by_key(|i| (word(count + i) << 32) | word(*i));
+    let mut lists = vec![vec![]; shown.heads.len() / 3 - 1];
+    for splat in order {
+        let [first, rest, widths, rows] = shown.reaches[splat as usize];
+        for row in 0..rows {
+            let parts = [first..first + (widths >> 16), rest..rest + (widths & 0xffff)];
+            parts.into_iter().flatten().for_each(|tile| lists[(tile + row * shown.columns) as usize].push(splat));
+        }
+    }
+    lists
+}
+
 #[test]
 fn what_lists_leave_out_is_counted() {
     let forward = normalize([0.2, -0.1, 1.0]).expect("not zero");
@@ -72,7 +89,11 @@ fn what_lists_leave_out_is_counted() {
             let shown = Footprints::of_picture(&cast(&files), &camera, &eye, &bands, accuracy);
             let stride = if view == View::Panorama { 12 } else { 8 };
             let records: Vec<&[f32]> = shown.records(0).chunks_exact(stride).collect();
-            assert!(records.len() > 50 && records.windows(2).all(|w| w[0][0] <= w[1][0]), "nearest first");
+            assert!(records.len() > 50);
+            let lists = lists(&shown);
+            let starts = shown.heads().iter().step_by(3);
+            let lengths = starts.clone().zip(starts.skip(1)).map(|(start, end)| (end - start) as usize);
+            assert!(lengths.eq(lists.iter().map(Vec::len)), "heads are those of lists");
             let edge = shown.edge();
             let across = camera.size[0].div_ceil(edge);
             let (mut listed, mut apart, mut loosest) = (0, 0.0_f64, 0.0_f64);
@@ -80,12 +101,14 @@ fn what_lists_leave_out_is_counted() {
             for _ in 0..600 {
                 let at = [150.0 * x(), 70.0 * x()];
                 let tile = (at[1] as u32 / edge * across + at[0] as u32 / edge) as usize;
-                let (first, next) = (shown.lists()[3 * tile] as usize, shown.lists()[3 * tile + 3] as usize);
-                let list = &shown.lists()[first..next];
-                assert!(list.is_sorted() && list.windows(2).all(|w| w[0] != w[1]), "each once, the nearest first");
+                let list = &lists[tile];
+                let depths = list.iter().map(|i| records[*i as usize][0]);
+                let mut once = list.clone();
+                once.sort_unstable();
+                assert!(depths.is_sorted() && once.windows(2).all(|w| w[0] != w[1]), "each once, the nearest first");
                 listed += list.len();
-                let left_out = f64::from(f32::from_bits(shown.lists()[3 * tile + 1]));
-                let others = (0..records.len()).filter(|i| list.binary_search(&(*i as u32)).is_err());
+                let left_out = f64::from(f32::from_bits(shown.heads()[3 * tile + 1]));
+                let others = (0..records.len()).filter(|i| once.binary_search(&(*i as u32)).is_err());
                 let sum: f64 = others.map(|i| alpha(records[i], &camera, at)).sum();
                 assert!(sum <= left_out * (1.0 + 1e-6), "{view:?} {at:?}: {sum} left out, {left_out} counted");
                 apart = apart.max(sum);
@@ -122,5 +145,5 @@ fn many_large_splats_have_larger_tiles() {
     });
     let files = vec![Arc::new(Splats::new(0, false, gaussians).expect("splats").0)];
     let shown = Footprints::of_picture(&cast(&files), &camera, &Eye::new(&camera, None), &[vec![[1.0; 3]]], 1e-2);
-    assert!(shown.edge() > 16 && shown.lists().len() < 1 << 25, "{}", shown.edge());
+    assert!(shown.edge() > 16 && shown.entries() <= 1 << 24, "{}", shown.edge());
 }

@@ -16,7 +16,7 @@ use super::{
 use crate::data::mesh::Mesh;
 use crate::data::splats::Splats;
 use crate::data::{LoadWarning, Volume};
-use crate::engine::gpu::{AdapterChoice, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
+use crate::engine::gpu::{AdapterChoice, Arranging, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::{Display, Picture};
 use compiler::analysis::interval::Interval;
@@ -197,6 +197,8 @@ pub struct Drawing {
     pub evaluations: Option<u64>,
     /// Milliseconds to draw.
     pub milliseconds: f64,
+    /// What it took to arrange splats on the device before that; nothing where there are none.
+    pub arranging: Arranging,
     /// Which clock measured them: `gpu` or `wall`.
     pub clock: &'static str,
     /// Dispatches that the picture was cut into; 0 on the processor.
@@ -581,6 +583,7 @@ impl Session {
             splats: None,
             evaluations,
             milliseconds: timing.milliseconds,
+            arranging: timing.arranging,
             clock: timing.clock.name(),
             dispatches: timing.dispatches,
             faults: faults.diagnostics(&self.program.lowered, "pixels"),
@@ -654,6 +657,7 @@ impl Session {
             splats: None,
             evaluations: Some(pixels.evaluations),
             milliseconds: milliseconds(started),
+            arranging: Arranging::default(),
             clock: "wall",
             dispatches: 0,
             faults: Diagnostics::default(),

@@ -119,6 +119,7 @@ impl Session {
             splats: None,
             evaluations: None,
             milliseconds: timing.milliseconds,
+            arranging: timing.arranging,
             clock: timing.clock.name(),
             dispatches: timing.dispatches,
             faults: faults.diagnostics(scene, "pixels"),

@@ -1,79 +1,15 @@
 //! Splats against the published formulas written out a second time, against closed forms with media, and where they are odd.
 
-use super::super::*;
-use crate::data::splats::{Gaussian, Splats};
-use crate::frame::{Camera, Params, View};
-use crate::image::{srgb_decode, srgb_encode};
+use compiler::ir::FieldScene;
 use compiler::ir::eval::NoVoxels;
-use compiler::loader::{GridHeader, LoadError, Loader, SplatsHeader};
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
+use runtime::data::splats::Splats;
+use runtime::engine::reference::{ErrorKind, Goal, Options, RayResult, Reference};
+use runtime::frame::{Camera, Params, View};
+use runtime::image::{srgb_decode, srgb_encode};
 use std::sync::Arc;
-
-/// A splat as the tests write it.
-#[derive(Clone, Debug)]
-struct One {
-    center: [f64; 3],
-    rotation: [f64; 4],
-    deviations: [f64; 3],
-    opacity: f64,
-    harmonics: Vec<f64>,
-}
-
-/// A ball of one colour.
-fn ball(center: [f64; 3], deviation: f64, opacity: f64, color: [f64; 3]) -> One {
-    let harmonics = color.map(|c| (c - 0.5) / 0.282_094_791_773_878_14).to_vec();
-    One { center, rotation: [1.0, 0.0, 0.0, 0.0], deviations: [deviation; 3], opacity, harmonics }
-}
-
-/// Numbers that look random.
-fn noise(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / (1u64 << 31) as f64
-    }
-}
-
-fn some(count: usize, seed: u64) -> Vec<One> {
-    let mut x = noise(seed);
-    (0..count)
-        .map(|_| One {
-            center: [2.0 * x() - 1.0, 2.0 * x() - 1.0, 2.0 * x() - 1.0],
-            rotation: [x() - 0.5, x() - 0.5, x() - 0.5, x() - 0.5],
-            deviations: [0.02 + 0.3 * x() * x(), 0.02 + 0.3 * x() * x(), 0.02 + 0.1 * x()],
-            opacity: x(),
-            harmonics: (0..48).map(|_| 1.2 * (x() - 0.5)).collect(),
-        })
-        .collect()
-}
-
-fn file(list: &[One], degree: u8, antialiased: bool) -> Arc<Splats> {
-    let gaussians = list.iter().map(|o| Gaussian {
-        center: o.center,
-        rotation: o.rotation,
-        deviations: o.deviations,
-        opacity: o.opacity,
-        harmonics: &o.harmonics,
-    });
-    Arc::new(Splats::new(degree, antialiased, gaussians).expect("splats").0)
-}
-
-/// Whatever file is named, it is these splats.
-struct Files(SplatsHeader);
-
-impl Loader for Files {
-    fn module(&self, _: &str, path: &str) -> Result<(String, String), LoadError> {
-        panic!("{path}")
-    }
-
-    fn grid(&self, _: &str, path: &str) -> Result<GridHeader, LoadError> {
-        panic!("{path}")
-    }
-
-    fn splats(&self, _: &str, _: &str) -> Result<SplatsHeader, LoadError> {
-        Ok(self.0)
-    }
-}
+use tyndall_tests::Made;
+use tyndall_tests::splats::{One, ball, file, plump};
 
 /// A scene of one or more items `splats` of the same file, ready to trace.
 struct Scene {
@@ -84,7 +20,7 @@ struct Scene {
 
 impl Scene {
     fn new(text: &str, splats: &Arc<Splats>) -> Self {
-        let out = compiler::compile("scene.vol", text, &Files(splats.header()), &compiler::Options::default());
+        let out = compiler::compile("scene.vol", text, &Made(splats.clone()), &compiler::Options::default());
         let rendered = compiler::diagnostic::render(&out.diagnostics, &out.sources);
         let lowered = out.program.unwrap_or_else(|| panic!("{rendered}")).lowered;
         let params = Params::defaults(&lowered);
@@ -204,7 +140,7 @@ const VIEW: &str = "splats room { file = \"s.ply\" }
 #[test]
 fn pixels_are_those_of_the_published_formulas() {
     for degree in 0..=3 {
-        let list = some(60, u64::from(degree));
+        let list = plump(60, u64::from(degree));
         let scene = Scene::new(VIEW, &file(&list, degree, false));
         let (drawn, camera) = (scene.draw(), scene.camera());
         let unit = scene.lowered.units.length;
@@ -228,7 +164,7 @@ fn pixels_are_those_of_the_published_formulas() {
 
 #[test]
 fn order_does_not_matter_unless_depths_are_equal() {
-    let mut list = some(200, 7);
+    let mut list = plump(200, 7);
     let drawn = Scene::new(VIEW, &file(&list, 3, false)).draw();
     list.reverse();
     list.swap(3, 150);
@@ -244,7 +180,7 @@ fn order_does_not_matter_unless_depths_are_equal() {
 
 #[test]
 fn cameras_that_are_turned() {
-    let file = file(&some(60, 9), 3, false);
+    let file = file(&plump(60, 9), 3, false);
     let upright = Scene::new(VIEW, &file).draw();
     let text = VIEW.replace("fov = 50 deg", "fov = 50 deg  up = (0, -1, 0)");
     let inverted = Scene::new(&text, &file).draw();
@@ -270,36 +206,8 @@ fn what_is_behind_the_eye_or_too_near_is_not_seen() {
 }
 
 #[test]
-fn odd_splats_make_no_odd_pixels() {
-    let mut list = some(9, 3);
-    list[0].deviations = [0.0; 3];
-    list[1].deviations = [0.5, 0.5, 0.0];
-    list[2].deviations = [1e-30, 0.3, 1e-30];
-    list[3].deviations = [1e30, 1e30, 1e30];
-    list[4].deviations = [1e15, 1e-15, 1.0];
-    list[5].opacity = 1.0;
-    list[6].opacity = 0.0;
-    list[7].center = [1e30, -1e30, 1e30];
-    list[8].harmonics = vec![1e30; 48];
-    for view in ["fov = 50 deg", "projection = orthographic(height: 3 m)", "projection = panorama"] {
-        for blend in ["encoded", "linear"] {
-            for antialiased in [false, true] {
-                let text = VIEW.replace("fov = 50 deg", view).replace("s.ply\"", &format!("s.ply\"  blend = {blend}"));
-                let scene = Scene::new(&text, &file(&list, 3, antialiased));
-                scene.draw();
-                for direction in [[0.0, 0.0, 1.0], [1.0, 1e-9, 0.0], [-0.3, 0.1, 0.9]] {
-                    let found = scene.ray([0.0, 0.1, -3.0], direction, &Options::default());
-                    assert!(found.radiance.iter().all(|l| *l >= 0.0 && !l.is_nan()), "{found:?}");
-                    assert!(found.optical_depth.iter().all(|t| *t >= 0.0), "{found:?}");
-                }
-            }
-        }
-    }
-}
-
-#[test]
 fn a_ray_without_a_pixel_meets_the_largest_response() {
-    let list = some(1, 5);
+    let list = plump(1, 5);
     let splats = file(&list, 0, false);
     let scene = Scene::new("splats room { file = \"s.ply\"  blend = linear }", &splats);
     let v = |x: [f32; 3]| DVec3::from_array(x.map(f64::from));
@@ -369,9 +277,9 @@ fn media_before_between_and_behind() {
                 });
                 light = through(light, depth(near, list[i].center[2]));
             }
-            for c in 0..3 {
-                let off = (found.radiance[c] - light[c]).abs();
-                assert!(off <= 1e-10 * light[c], "{medium} {blend} {c}: {} {}", found.radiance[c], light[c]);
+            for (c, light) in light.into_iter().enumerate() {
+                let off = (found.radiance[c] - light).abs();
+                assert!(off <= 1e-10 * light, "{medium} {blend} {c}: {} {}", found.radiance[c], light);
                 assert!(off <= found.error[c] + 1e-15, "{off} {}", found.error[c]);
             }
             assert!(found.optical_depth[0] == tau || (found.optical_depth[0] - tau).abs() < 1e-10, "{tau}");
@@ -383,7 +291,7 @@ fn media_before_between_and_behind() {
 #[test]
 fn faint_splats_that_are_moved_are_within_the_error() {
     // In a picture splats of next to no opacity are not worth a cut of the medium; what that does is counted.
-    let mut list = some(400, 21);
+    let mut list = plump(400, 21);
     list.iter_mut().for_each(|o| o.opacity *= 1e-6);
     let text = "splats room { file = \"s.ply\" }
         medium gas { shape = sphere(center: (0,0,0) m, radius: 1.5 m)  density = 1 + p.x / 2 m  k_a = 2 /m  k_e = 1 lx / m }";
@@ -436,7 +344,7 @@ fn a_fixed_number_of_steps_converges_beside_splats() {
 
 #[test]
 fn transforms_turn_splats_and_their_colours() {
-    let list = some(40, 11);
+    let list = plump(40, 11);
     let plain = Scene::new(VIEW, &file(&list, 3, false)).draw();
     // (x, y, z) goes to (z, y, −x), in millimetres: from (0.3, 0.5, −3) to (−3, 0.5, −0.3), to (0.1, 0, 0) to (0, 0, −0.1).
     let turned = "splats room { file = \"s.ply\"
@@ -463,7 +371,7 @@ fn transforms_turn_splats_and_their_colours() {
 
 #[test]
 fn pictures_do_not_depend_on_the_unit_of_length() {
-    let list = some(30, 13);
+    let list = plump(30, 13);
     let plain = Scene::new(VIEW, &file(&list, 2, true)).draw();
     for factor in [1e-6, 1e6] {
         let scaled: Vec<One> = list
