@@ -5,6 +5,7 @@ use crate::args::{Format, Render};
 use crate::output::{Exit, complain, diagnostics, diagnostics_json, document, number, progress, say, trouble};
 use compiler::ir::Bands;
 use compiler::program::OutputKind;
+use runtime::engine::gpu::Arranging;
 use runtime::frame::{Cause, Drawing, FileLoader, Measured, Params, Session, Settings, Trouble};
 use runtime::image::{self, Depth, WriteOptions};
 use serde_json::{Value, json};
@@ -217,6 +218,13 @@ impl Done {
         if let Some(splats) = drawing.splats {
             text += &format!("splats   {splats}\n");
         }
+        let splats = drawing.arranging;
+        if splats.drawn > 0 || splats.unseen > 0 {
+            text += &format!(
+                "order    {} splats drawn, {} not seen; sorted in {:.1} ms, listed in {:.1} ms\n",
+                splats.drawn, splats.unseen, splats.order, splats.lists
+            );
+        }
         if let Some((error, share)) = drawing.predicted {
             let kind = drawing.error_kind.replace('-', " ");
             text +=
@@ -253,6 +261,12 @@ impl Done {
             "paths": drawing.paths,
             "slabs": drawing.slabs,
             "splats": drawing.splats,
+            "arranging": (drawing.arranging != Arranging::default()).then_some(json!({
+                "drawn": drawing.arranging.drawn,
+                "unseen": drawing.arranging.unseen,
+                "order_ms": drawing.arranging.order,
+                "lists_ms": drawing.arranging.lists,
+            })),
             "nan": self.nan,
             "error": {
                 "kind": drawing.error_kind,

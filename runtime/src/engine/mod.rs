@@ -1,7 +1,6 @@
 //! The engines: what turns a compiled scene into numbers.
 
 pub mod gpu;
-pub mod order;
 pub mod reference;
 
 /// For tests that need an adapter where there is none: prints that they are skipped.

@@ -55,12 +55,16 @@ pub struct Timing {
     pub arranging: Arranging,
 }
 
-/// What it took to arrange splats on the device before a picture is drawn, in milliseconds by the wall clock.
+/// How splats were arranged on the device before a picture was drawn.
 #[derive(Copy, Clone, Debug, Default, PartialEq)]
 pub struct Arranging {
-    /// To put them in order of depth.
+    /// Splats that are drawn.
+    pub drawn: u32,
+    /// Those that are not: empty, behind the eye, or without a finite picture.
+    pub unseen: u32,
+    /// Milliseconds by the wall clock to put them in order of depth.
     pub order: f64,
-    /// To make lists of them.
+    /// The same, to make lists of them.
     pub lists: f64,
 }
 
@@ -71,7 +75,8 @@ impl Timing {
         let clock = if other.clock == Clock::Wall { Clock::Wall } else { self.clock };
         let milliseconds = self.milliseconds + other.milliseconds;
         let (a, b) = (self.arranging, other.arranging);
-        let arranging = Arranging { order: a.order + b.order, lists: a.lists + b.lists };
+        // Parts of a program and drawings that lean have the splats of the first.
+        let arranging = Arranging { order: a.order + b.order, lists: a.lists + b.lists, ..a };
         Self { milliseconds, clock, dispatches: self.dispatches + other.dispatches, arranging }
     }
 }
@@ -229,6 +234,17 @@ impl Prepared {
         Ok((read(&self.gpu, sorting.order(), count)?, seconds))
     }
 
+    /// Nodes of a lattice in the order in which they are drawn.
+    #[cfg(test)]
+    pub(super) fn nodes(&mut self, frame: &Frame) -> Result<Vec<u32>, GpuError> {
+        let mut block = self.evaluate(frame);
+        self.once_for_all(frame, &mut block)?;
+        match &self.resources.sorting {
+            Some(sorting) => read(&self.gpu, sorting.order(), self.resources.drawn),
+            None => Ok(vec![]),
+        }
+    }
+
     /// Lists of a frame as the device makes them, with their heads.
     #[cfg(test)]
     pub(super) fn lists(&mut self, frame: &Frame) -> Result<Vec<u32>, GpuError> {
@@ -340,6 +356,8 @@ impl Prepared {
                 Some(step) => sorting.drawn(&self.gpu, &self.program, step, block, count)?,
                 None => count,
             };
+            self.arranging.drawn = self.resources.drawn;
+            self.arranging.unseen = count - self.resources.drawn;
         }
         Ok(())
     }
@@ -358,6 +376,7 @@ impl Prepared {
             return Err(GpuError::new(GpuErrorKind::TooLarge, message)
                 .hint("draw with `--engine cpu`, or prune the file of splats"));
         }
+        (self.arranging.drawn, self.arranging.unseen) = (shown.len(), shown.unseen());
         let mut moved = self.resources.write_footprints(&self.gpu, records);
         let (count, entries) = (shown.len(), shown.entries());
         let size = (count.max(entries), (shown.keys().len() as u64).max(entries.into()));

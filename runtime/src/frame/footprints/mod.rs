@@ -70,6 +70,7 @@ impl<'a> Cast<'a> {
 pub struct Footprints {
     edge: u32,
     columns: u32,
+    unseen: u32,
     rounds: u32,
     records: Vec<Vec<f32>>,
     keys: Vec<u32>,
@@ -179,6 +180,12 @@ impl Footprints {
         self.reaches.is_empty()
     }
 
+    /// How many there are besides that are behind the eye or have no finite picture.
+    #[must_use]
+    pub fn unseen(&self) -> u32 {
+        self.unseen
+    }
+
     /// Entries of all lists.
     #[must_use]
     pub fn entries(&self) -> u32 {
@@ -193,6 +200,7 @@ impl Footprints {
         Self {
             edge: lists.edge,
             columns: lists.columns,
+            unseen: (cast.len() - projected.len()) as u32,
             rounds: 1,
             records: projected.records(eye.plane, bands),
             keys: projected.keys(),

@@ -197,7 +197,7 @@ pub struct Drawing {
     pub evaluations: Option<u64>,
     /// Milliseconds to draw.
     pub milliseconds: f64,
-    /// What it took to arrange splats on the device before that; nothing where there are none.
+    /// How splats were arranged on the device before that; all 0 where there are none.
     pub arranging: Arranging,
     /// Which clock measured them: `gpu` or `wall`.
     pub clock: &'static str,

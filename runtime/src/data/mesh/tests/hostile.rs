@@ -138,6 +138,22 @@ fn endless_lines() {
     assert_eq!(load("a.obj", many).map(|_| ()).unwrap_err().code, "E0612");
 }
 
+/// What fuzzing found to take different ways through the readers; `cargo fuzz` takes it up again with
+/// `cargo +nightly fuzz run mesh fuzz/seeds/mesh`.
+#[test]
+fn what_fuzzing_found_never_panics() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/mesh");
+    let mut loaded = [0, 0];
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let bytes = std::fs::read(entry.unwrap().path()).unwrap();
+        for (name, bytes) in [("a.ply", [b"ply\n", bytes.as_slice()].concat()), ("a.obj", bytes)] {
+            survive(name, &bytes).unwrap();
+            loaded[usize::from(load(name, bytes).is_err())] += 1;
+        }
+    }
+    assert!(loaded[0] > 4 && loaded[1] > 4, "{loaded:?} loaded and refused");
+}
+
 fn survive(name: &str, bytes: &[u8]) -> Result<(), TestCaseError> {
     match load(name, bytes) {
         Ok((mesh, _)) => {
