@@ -45,5 +45,5 @@ pub(crate) use samples::splitmix;
 pub use samples::{sample_offsets, stratified_pixels};
 pub use session::{Cause, Drawing, EngineChoice, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};
 pub use slabs::Slabs;
-pub(crate) use values::{AT_MOST_ONE, GAIN};
+pub(crate) use values::{AT_MOST_ONE, GAIN, to_f32};
 pub use vector::Vec3;

@@ -10,6 +10,11 @@ pub(crate) const GAIN: f64 = 1.0 + 1e-9;
 /// What to do about that.
 pub(crate) const AT_MOST_ONE: &str = "no surface reflects more than it gets: `albedo = min(1, …)`";
 
+/// The f32 nearest to a number. What f32 cannot hold becomes the largest it can, so that a coefficient of 1e40 is opaque
+/// rather than a fault, and light of 1e40 lx is shown; what has no finite value stays so and is found by whoever looks.
+pub(crate) fn to_f32(x: f64) -> f32 {
+    if x.is_finite() { (x as f32).clamp(f32::MIN, f32::MAX) } else { x as f32 }
+
 /// The first coefficient, albedo or emission that is the same everywhere and is negative, not finite, or gains energy.
 ///
 /// # Errors

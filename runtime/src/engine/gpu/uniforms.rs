@@ -1,6 +1,6 @@
 //! Contents of the uniform block and of tables: evaluated in f64, stored as the shader sees them.
 
-use crate::frame::Frame;
+use crate::frame::{Frame, to_f32};
 use compiler::ir::TableId;
 use compiler::ir::eval::{Tables, evaluate_with};
 use compiler::program::{FrameValue, Program, UniformField, UniformSource};
@@ -30,10 +30,6 @@ pub(super) struct SortPart {
     pub(super) scanned: u32,
 }
 
-/// The f32 nearest to a number. What f32 cannot hold becomes the largest it can, so that a coefficient of 1e40 is opaque
-/// rather than a fault; what has no finite value stays so and is found by the kernel.
-pub(super) fn to_f32(x: f64) -> f32 {
-    if x.is_finite() { (x as f32).clamp(f32::MIN, f32::MAX) } else { x as f32 }
 }
 
 /// The uniform block of one drawing; [`Block::part`] fills in what changes from dispatch to dispatch.

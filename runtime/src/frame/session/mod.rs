@@ -639,7 +639,7 @@ impl Session {
         let options = self.picture_options(white);
         let drawn = engine.render(camera, &offsets, &options, progress).map_err(|d| self.input(d))?;
         let pixels = drawn.pixels;
-        let narrow = |list: &[f64]| list.iter().map(|v| *v as f32).collect::<Vec<f32>>();
+        let narrow = |list: &[f64]| list.iter().map(|v| super::to_f32(*v)).collect::<Vec<f32>>();
         let predicted = worst(pixels.error.iter().copied(), pixels.radiance.iter().copied(), self.accuracy(), white);
         let (radiance, transmittance) = (narrow(&pixels.radiance), narrow(&pixels.transmittance));
         let bands = self.program.bands.clone();
