@@ -14,6 +14,7 @@ pub(crate) const AT_MOST_ONE: &str = "no surface reflects more than it gets: `al
 /// rather than a fault, and light of 1e40 lx is shown; what has no finite value stays so and is found by whoever looks.
 pub(crate) fn to_f32(x: f64) -> f32 {
     if x.is_finite() { (x as f32).clamp(f32::MIN, f32::MAX) } else { x as f32 }
+}
 
 /// The first coefficient, albedo or emission that is the same everywhere and is negative, not finite, or gains energy.
 ///

@@ -13,10 +13,6 @@ use crate::program::{FrameValue, ListPasses, SortBuffer, SortPass};
 const THREADS: u32 = SortPass::THREADS;
 const EACH: u32 = SortPass::TAKES / THREADS;
 
-fn load(buffer: u32, index: Expr) -> Expr {
-    Expr::Load(buffer, Box::new(index))
-}
-
 /// What is known of a splat's tiles, and how many they are.
 struct Reach {
     parts: [Expr; 4],
@@ -28,7 +24,7 @@ impl Reach {
         let base = code.bind("base", Ty::U32, splat.clone() * 4u32);
         let names = ["first_tile", "first_of_rest", "widths", "rows"];
         let parts = std::array::from_fn(|i| {
-            let part = load(reaches, base.clone() + i as u32);
+            let part = Expr::load(reaches, base.clone() + i as u32);
             code.bind(names[i], Ty::U32, part)
         });
         Self { parts }
@@ -60,7 +56,7 @@ fn own_sums(
     each(code, "nth", EACH, |code, nth| {
         let at = code.bind("at", Ty::U32, first + nth.clone());
         code.break_if(at.clone().greater_equal(count));
-        let splat = code.bind("splat", Ty::U32, load(order, at.clone()));
+        let splat = code.bind("splat", Ty::U32, Expr::load(order, at.clone()));
         let reach = Reach::read(builder, code, &splat);
         let before = code.bind("sum_before", Ty::U32, sum);
         body(code, &at, &before);
@@ -80,7 +76,7 @@ fn sums(builder: &mut KernelBuilder) -> Function {
     sum_up(&mut code, (shared, &lane), THREADS);
     let count = builder.frame(FrameValue::SortCount);
     let last = lane.clone().equal(THREADS - 1).and((group.clone() * SortPass::TAKES).less(count));
-    code.if_(last, |code| code.store(tallies, group, load(shared, lane)));
+    code.if_(last, |code| code.store(tallies, group, Expr::load(shared, lane)));
     code.finish(None)
 }
 
@@ -94,7 +90,7 @@ fn starts(builder: &mut KernelBuilder) -> Function {
     code.store(shared, lane.clone(), sum.clone());
     code.barrier();
     sum_up(&mut code, (shared, &lane), THREADS);
-    let before = load(tallies, group.clone()) + load(shared, lane.clone()) - sum;
+    let before = Expr::load(tallies, group.clone()) + Expr::load(shared, lane.clone()) - sum;
     let before = code.bind("all_before", Ty::U32, before);
     own_sums(builder, &mut code, (&group, &lane), before, |code, at, before| {
         code.store(starts, at.clone(), before.clone());
@@ -121,11 +117,11 @@ fn spread(builder: &mut KernelBuilder) -> Function {
     // The last splat that begins here or before: of those that begin together all but the last have no tiles.
     let beyond = sort::lower_bound(&mut code, (starts, &count), &(entry.clone() + 1u32));
     let at = code.bind("at", Ty::U32, beyond - 1u32);
-    let splat = code.bind("splat", Ty::U32, load(order, at.clone()));
+    let splat = code.bind("splat", Ty::U32, Expr::load(order, at.clone()));
     let reach = Reach::read(builder, &mut code, &splat);
     let (main, width) = reach.widths();
     let (main, width) = (code.bind("main", Ty::U32, main), code.bind("width", Ty::U32, width));
-    let nth = code.bind("nth", Ty::U32, entry.clone() - load(starts, at));
+    let nth = code.bind("nth", Ty::U32, entry.clone() - Expr::load(starts, at));
     let row = code.bind("row", Ty::U32, nth.clone() / width.clone());
     let column = code.bind("column", Ty::U32, nth - row.clone() * width);
     let [first, rest, ..] = reach.parts;
@@ -143,9 +139,9 @@ fn fill(builder: &mut KernelBuilder) -> Function {
     let (numbers, entries) = (builder.sorting(SortBuffer::NumbersFrom), builder.entries_read());
     let lists = builder.tile_lists_written();
     // The first list begins where heads end.
-    let head = code.bind("head", Ty::U32, load(lists, Expr::U32(0)));
-    let number = code.bind("number", Ty::U32, load(numbers, entry.clone()));
-    let splat = code.bind("splat", Ty::U32, load(entries, number));
+    let head = code.bind("head", Ty::U32, Expr::load(lists, Expr::U32(0)));
+    let number = code.bind("number", Ty::U32, Expr::load(numbers, entry.clone()));
+    let splat = code.bind("splat", Ty::U32, Expr::load(entries, number));
     code.store(lists, head + entry, splat);
     code.finish(None)
 }

@@ -28,10 +28,6 @@ fn op(op: BinaryOp, a: &Expr, b: impl Into<Expr>) -> Expr {
     Expr::binary(op, a.clone(), b)
 }
 
-fn load(buffer: u32, index: Expr) -> Expr {
-    Expr::Load(buffer, Box::new(index))
-}
-
 /// The number of the workgroup, and of the invocation in it.
 pub(super) fn place(code: &mut Code) -> (Expr, Expr) {
     let row = Expr::GroupId.component(1) * SortPass::ROW;
@@ -96,11 +92,11 @@ impl Sort {
             let fresh = self.shift.clone().equal(0u32);
             let numbering = fresh.clone().and(self.word.clone().equal(0u32));
             let known = if numbered { !numbering } else { fresh.clone().and(!numbering) };
-            code.if_(known, |code| code.set(number, load(numbers, at.clone())));
+            code.if_(known, |code| code.set(number, Expr::load(numbers, at.clone())));
             code.if_else(
                 fresh,
-                |code| code.set(key, load(words, self.word.clone() * self.count.clone() + Expr::Local(number))),
-                |code| code.set(key, load(keys, at.clone())),
+                |code| code.set(key, Expr::load(words, self.word.clone() * self.count.clone() + Expr::Local(number))),
+                |code| code.set(key, Expr::load(keys, at.clone())),
             );
             let key = code.bind("own_key", Ty::U32, key);
             let number = code.bind("own_number", Ty::U32, number);
@@ -126,12 +122,12 @@ impl Sort {
         self.keys(builder, code, false, |code, key, _| {
             let (_, cell, half) = self.digit(code, key);
             let one = op(BinaryOp::ShiftLeft, &Expr::U32(1), half);
-            code.store(self.columns, cell.clone(), load(self.columns, cell) + one);
+            code.store(self.columns, cell.clone(), Expr::load(self.columns, cell) + one);
         });
         code.barrier();
         let sum = code.var("sum", Ty::U32, 0u32);
         each(code, "part", PART, |code, part| {
-            code.add(sum, load(self.columns, self.lane.clone() * PART + part.clone()));
+            code.add(sum, Expr::load(self.columns, self.lane.clone() * PART + part.clone()));
         });
         let sum = code.bind("own_sum", Ty::U32, sum);
         code.store(self.sums, self.lane.clone(), sum.clone());
@@ -147,8 +143,8 @@ pub(super) fn sum_up(code: &mut Code, (sums, lane): (u32, &Expr), among: u32) {
     while step < among {
         let there = op(BinaryOp::Rem, lane, among).greater_equal(step);
         let before = there.clone().select(lane.clone() - step, lane.clone());
-        let before = code.bind("before", Ty::U32, load(sums, before));
-        let sum = load(sums, lane.clone()) + there.select(before, 0u32);
+        let before = code.bind("before", Ty::U32, Expr::load(sums, before));
+        let sum = Expr::load(sums, lane.clone()) + there.select(before, 0u32);
         let sum = code.bind("sum_so_far", Ty::U32, sum);
         code.barrier();
         code.store(sums, lane.clone(), sum);
@@ -169,7 +165,7 @@ fn count(builder: &mut KernelBuilder) -> Function {
         let row = code.bind("row", Ty::U32, op(BinaryOp::BitAnd, &sort.lane, ROWS - 1) * LANES);
         let total = code.var("total", Ty::U32, 0u32);
         each(code, "part_of_row", LANES, |code, part| {
-            code.add(total, load(sort.sums, row.clone() + part.clone()));
+            code.add(total, Expr::load(sort.sums, row.clone() + part.clone()));
         });
         let half = op(BinaryOp::ShiftRight, &sort.lane, ROWS.ilog2()) * 16u32;
         let total = op(BinaryOp::BitAnd, &op(BinaryOp::ShiftRight, &total.into(), half), 0xffffu32);
@@ -193,15 +189,15 @@ fn scan(builder: &mut KernelBuilder) -> Function {
     let first = code.bind("first", Ty::U32, (lane.clone() * share.clone()).min(length.clone()));
     let own = code.bind("own", Ty::U32, (first.clone() + share).min(length) - first.clone());
     let sum = code.var("sum", Ty::U32, 0u32);
-    each(&mut code, "nth", own.clone(), |code, nth| code.add(sum, load(tallies, first.clone() + nth.clone())));
+    each(&mut code, "nth", own.clone(), |code, nth| code.add(sum, Expr::load(tallies, first.clone() + nth.clone())));
     let sum = code.bind("own_sum", Ty::U32, sum);
     code.store(sums, lane.clone(), sum.clone());
     code.barrier();
     sum_up(&mut code, (sums, &lane), THREADS);
-    let next = code.var("next", Ty::U32, load(sums, lane) - sum);
+    let next = code.var("next", Ty::U32, Expr::load(sums, lane) - sum);
     each(&mut code, "nth", own, |code, nth| {
         let at = code.bind("at", Ty::U32, first + nth.clone());
-        let tally = code.bind("tally", Ty::U32, load(tallies, at.clone()));
+        let tally = code.bind("tally", Ty::U32, Expr::load(tallies, at.clone()));
         code.store(tallies, at, next.into());
         code.add(next, tally);
     });
@@ -217,10 +213,10 @@ fn scatter(builder: &mut KernelBuilder) -> Function {
     let sum = sort.tally(builder, &mut code);
     sum_up(&mut code, (sort.sums, &sort.lane), LANES);
     // From how many there are to how many come before, in the same digit.
-    let next = code.var("next", Ty::U32, load(sort.sums, sort.lane.clone()) - sum);
+    let next = code.var("next", Ty::U32, Expr::load(sort.sums, sort.lane.clone()) - sum);
     each(&mut code, "part", PART, |code, part| {
         let at = code.bind("at", Ty::U32, sort.lane.clone() * PART + part.clone());
-        let tally = code.bind("tally", Ty::U32, load(sort.columns, at.clone()));
+        let tally = code.bind("tally", Ty::U32, Expr::load(sort.columns, at.clone()));
         code.store(sort.columns, at, next.into());
         code.add(next, tally);
     });
@@ -228,9 +224,9 @@ fn scatter(builder: &mut KernelBuilder) -> Function {
     let groups = code.bind("groups", Ty::U32, blocks(&sort.count));
     sort.keys(builder, &mut code, true, |code, key, number| {
         let (digit, cell, half) = sort.digit(code, key);
-        let before = code.bind("all_before", Ty::U32, load(sort.columns, cell.clone()));
+        let before = code.bind("all_before", Ty::U32, Expr::load(sort.columns, cell.clone()));
         let own = op(BinaryOp::BitAnd, &op(BinaryOp::ShiftRight, &before, half.clone()), 0xffffu32);
-        let to = load(tallies, digit * groups + sort.group.clone()) + own;
+        let to = Expr::load(tallies, digit * groups + sort.group.clone()) + own;
         let to = code.bind("to", Ty::U32, to);
         code.store(keys, to.clone(), key.clone());
         code.store(numbers, to, number.clone());
@@ -247,7 +243,7 @@ pub(super) fn lower_bound(code: &mut Code, (buffer, count): (u32, &Expr), wanted
         let middle = Expr::Local(low) + (Expr::Local(high) - Expr::Local(low)) / 2u32;
         let middle = code.bind("middle", Ty::U32, middle);
         code.if_else(
-            load(buffer, middle.clone()).less(wanted.clone()),
+            Expr::load(buffer, middle.clone()).less(wanted.clone()),
             |code| code.set(low, middle.clone() + 1u32),
             |code| code.set(high, middle.clone()),
         );

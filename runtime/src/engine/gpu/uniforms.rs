@@ -30,8 +30,6 @@ pub(super) struct SortPart {
     pub(super) scanned: u32,
 }
 
-}
-
 /// The uniform block of one drawing; [`Block::part`] fills in what changes from dispatch to dispatch.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
