@@ -290,7 +290,8 @@ impl Needs {
         }
         if self.storage_bytes > offered.max_storage_buffer_binding_size.min(offered.max_buffer_size) {
             let most = offered.max_storage_buffer_binding_size >> 20;
-            let message = format!("a table takes {} MiB; this adapter takes {most}", self.storage_bytes >> 20);
+            let message =
+                format!("the scene needs a buffer of {} MiB; this adapter takes {most}", self.storage_bytes >> 20);
             return too_large(message);
         }
         if self.uniform_bytes > offered.max_uniform_buffer_binding_size {

@@ -75,8 +75,13 @@ impl Timing {
         let clock = if other.clock == Clock::Wall { Clock::Wall } else { self.clock };
         let milliseconds = self.milliseconds + other.milliseconds;
         let (a, b) = (self.arranging, other.arranging);
-        // Parts of a program and drawings that lean have the splats of the first.
-        let arranging = Arranging { order: a.order + b.order, lists: a.lists + b.lists, ..a };
+        // Parts of a program and drawings that lean have the same splats.
+        let arranging = Arranging {
+            drawn: a.drawn.max(b.drawn),
+            unseen: a.unseen.max(b.unseen),
+            order: a.order + b.order,
+            lists: a.lists + b.lists,
+        };
         Self { milliseconds, clock, dispatches: self.dispatches + other.dispatches, arranging }
     }
 }

@@ -178,3 +178,27 @@ fn lists_of_tiles_are_in_order_of_depth() {
         }
     }
 }
+
+#[test]
+fn no_more_is_needed_than_webgpu_promises() {
+    let promised = wgpu::Limits::default();
+    let file = files(1, 1);
+    for program in [compiled(SMOKE, &compiler::loader::NoFiles), compiled(ROOM, &Files(file[0].header()))] {
+        let needs = Needs::of(&program);
+        assert!(needs.storage_buffers <= promised.max_storage_buffers_per_shader_stage, "{needs:?}");
+        assert!(needs.storage_bytes <= promised.max_storage_buffer_binding_size, "{needs:?}");
+        assert!(
+            needs.shared_bytes <= promised.max_compute_workgroup_storage_size && needs.shared_bytes > 0,
+            "{needs:?}"
+        );
+        assert!(needs.invocations <= promised.max_compute_invocations_per_workgroup, "{needs:?}");
+    }
+    // However many there are, no side of a dispatch is too long.
+    for count in [0, 1, 4096, 4097, 1 << 28, u32::MAX] {
+        for takes in [SortPass::THREADS, SortPass::TAKES] {
+            let [across, down] = SortPass::groups(count, takes);
+            assert!(across.max(down) <= promised.max_compute_workgroups_per_dimension);
+            assert!(u64::from(across) * u64::from(down) * u64::from(takes) >= u64::from(count));
+        }
+    }
+}
