@@ -1,27 +1,26 @@
 //! Scenes put together at random: what the GPU draws of each is as close to the reference as it reports, or as `accuracy` allows.
 
+use compiler::ir::Backend;
 use runtime::engine::gpu::AdapterChoice;
 use runtime::frame::{EngineChoice, FileLoader};
 use runtime::stress::{Request, Verdict, as_it_is, invent};
 use std::path::Path;
 use tyndall_tests::open_text;
 
-#[test]
-fn a_hundred_invented_scenes_keep_their_word() {
-    if open_text(&invent(0), compiler::Options::default()).is_none() {
-        return;
-    }
+/// Draws them by a backend; how many were drawn, and how many pixels were compared.
+fn keep_their_word(backend: Backend, numbers: impl Iterator<Item = u64>) -> Option<(u32, u32)> {
+    open_text(&invent(0), compiler::Options::default())?;
     let loader = FileLoader::new(Path::new("."));
     let request = Request {
         sets: vec![],
-        backend: Some(compiler::ir::Backend::Raymarch),
+        backend: Some(backend),
         engine: Some(EngineChoice::Gpu),
         adapter: AdapterChoice::default(),
         budget: 0.5,
         seed: 0,
     };
     let (mut wrong, mut drawn, mut compared) = (vec![], 0, 0);
-    for number in 0..100 {
+    for number in numbers {
         let trial = as_it_is(&format!("invented-{number}.vol"), &invent(number), &loader, &request);
         let outcome = &trial.outcomes[0];
         match &outcome.verdict {
@@ -36,5 +35,18 @@ fn a_hundred_invented_scenes_keep_their_word() {
     }
     println!("{drawn} pictures, {compared} pixels compared");
     assert!(wrong.is_empty(), "{} scenes:\n{}", wrong.len(), wrong.join("\n"));
+    Some((drawn, compared))
+}
+
+#[test]
+fn a_hundred_invented_scenes_keep_their_word() {
+    let Some((drawn, compared)) = keep_their_word(Backend::Raymarch, 0..100) else { return };
     assert!(drawn > 90 && compared > 10_000, "{drawn} pictures, {compared} pixels");
+}
+
+/// Among them shells far thinner than a slab, and fields that jump inside of one.
+#[test]
+fn invented_scenes_keep_their_word_in_slabs() {
+    let Some((drawn, compared)) = keep_their_word(Backend::Slicing, 0..40) else { return };
+    assert!(drawn > 35 && compared > 5000, "{drawn} pictures, {compared} pixels");
 }

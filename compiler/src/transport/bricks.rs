@@ -27,15 +27,23 @@ impl Scene {
             let why = match rule {
                 _ if scene.render.composite != Composite::Radiance => "a projection looks at every value along a ray",
                 StepRule::Fixed(_) => "a number of steps is asked for",
-                StepRule::Slabs { .. } | StepRule::Splats { .. } => "it is not followed by steps along rays",
+                StepRule::Splats { .. } => "it is not followed by steps along rays",
                 _ if m.region.is_unbounded(&self.primitives) => "it has no end",
                 _ if !has_box(&m.region, &self.primitives) => "no box around its shape is known",
-                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) if open || glows => {
-                    m.bounds = Some(self.bounds.len() as u32);
-                    self.bounds.push(bounds_of(scene, m, rule));
-                    continue;
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Slabs { .. } | StepRule::Paths(_)
+                    if open || glows =>
+                {
+                    let bounds = bounds_of(scene, m, rule);
+                    // One sample costs a slab less than to ask whether it is needed.
+                    if matches!(rule, StepRule::Slabs { .. }) && bounds.narrow.is_empty() {
+                        "slabs look for what is narrow in it alone, and nothing is"
+                    } else {
+                        m.bounds = Some(self.bounds.len() as u32);
+                        self.bounds.push(bounds);
+                        continue;
+                    }
                 }
-                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Paths(_) => {
+                StepRule::Closed | StepRule::Adaptive(_) | StepRule::Slabs { .. } | StepRule::Paths(_) => {
                     "its coefficients have closed forms along rays"
                 }
             };
@@ -231,10 +239,15 @@ impl Tracer<'_> {
         })
     }
 
+    /// Whether something narrow may be in some of these media.
+    pub(super) fn may_be_narrow(&self, media: &[Medium<'_>]) -> bool {
+        media.iter().any(|m| m.matter.bounds.is_some_and(|b| self.watches(b)))
+    }
+
     /// Longest step from a place on a ray that misses nothing narrow. As in sphere tracing, no band of an argument's values is
     /// met before the argument can have come there, and none is crossed in less than it takes the argument to cross it.
     pub(super) fn longest_here(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: &Expr) -> Option<Expr> {
-        if !media.iter().any(|m| m.matter.bounds.is_some_and(|b| self.watches(b))) {
+        if !self.may_be_narrow(media) {
             return None;
         }
         let p = code.bind("p_narrow", Ty::VEC3, ray.at(t.clone()));

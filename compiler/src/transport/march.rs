@@ -3,23 +3,23 @@
 use super::media::Medium;
 use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
+use super::stride::Stride;
 use super::trace::{Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
-use crate::ir::{LightKind, NodeId};
+use crate::ir::NodeId;
 use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};
 use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
 pub(super) const OPAQUE: f64 = 104.0;
-/// How far rounding moves a sample, relative to its distance from the origins of the scene and of its ray: two units in the last
-/// place of an f32.
-pub(super) const PLACE: f64 = 1.0 / 4_194_304.0;
 /// Share of `accuracy` that step control spends; the rest is left for rounding and early exit.
 const SHARE: f64 = 0.5;
 /// Share of `accuracy` that steps with kinks and edges of shadows may spend beside, all together.
 const PURSE: f64 = 0.25;
 /// Of which one step may take this part of what is left.
 const BITE: f64 = 0.125;
+/// Pieces of a slab that are never too many.
+const LEAST_PIECES: f64 = 64.0;
 /// How far inside a step samples stay of its ends where fields jump: bisections end within a millionth of a step.
 const INSET: f64 = 4e-6;
 
@@ -36,8 +36,7 @@ impl Tracer<'_> {
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
             StepRule::Slabs { .. } | StepRule::Splats { .. } if matches!(self.walk, Walk::Eye) => {
-                let middle = (segment.a.clone() + segment.b.clone()) * 0.5;
-                self.midpoint(code, state, media, &segment.ray, middle, &length);
+                self.march_slab(code, state, media, segment, &length);
             }
             StepRule::Closed
             | StepRule::Adaptive(_)
@@ -72,6 +71,60 @@ impl Tracer<'_> {
         if let (Some(depth), false) = (state.depth, self.wants(OutputKind::OpticalDepth)) {
             code.break_if(least(depth.into(), self.scene.depth_width).greater(OPAQUE));
         }
+        let block = code.close();
+        code.push_loop(block);
+    }
+
+    /// The midpoint rule over what is inside a slab, cut where a field jumps and fine where something is narrow.
+    fn march_slab(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment, length: &Expr) {
+        let Segment { ray, a, b, .. } = segment;
+        let stops = self.stops(code, ray, media);
+        if !stops.any() {
+            self.midpoint(code, state, media, ray, (a.clone() + b.clone()) * 0.5, length);
+            return;
+        }
+        let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
+        let slabs = self.builder.frame(FrameValue::SlabCount).convert(Prim::F32);
+        let cap = self.builder.frame(FrameValue::MaxWork).convert(Prim::F32) / slabs;
+        let cap = code.bind("most_pieces", Ty::F32, cap.max(LEAST_PIECES));
+        let s = code.var("s", Ty::F32, 0.0);
+        let pieces = code.var("pieces", Ty::F32, 0.0);
+        // Whether the piece at hand begins at a curved jump.
+        let touched = stops.has_sides().then(|| code.var("touched", Ty::BOOL, false));
+        code.open();
+        let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
+        code.break_if(rest.clone().less_equal(0.0));
+        let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
+        let Stride { step, crosses, place, .. } =
+            self.stride(code, &stops, (ray, media), &from, [rest.clone(), rest.clone(), shortest.clone()]);
+        let spent = code.bind("spent", Ty::BOOL, Expr::Local(pieces).greater_equal(cap));
+        let step = code.bind("piece", Ty::F32, spent.clone().select(rest.clone(), step));
+        if let Some(error) = state.error {
+            // What lies in the rest is anybody's guess, and counts as wrong.
+            let white = self.builder.frame(FrameValue::White);
+            let seen = match state.depth {
+                Some(depth) => (-least(depth.into(), self.scene.depth_width)).exp(),
+                None => Expr::F32(1.0),
+            };
+            let bright = match state.radiance {
+                Some(radiance) => white.max(largest(radiance.into(), self.scene.light_width)),
+                None => white,
+            };
+            code.add(error, spent.select(seen * bright, 0.0));
+        }
+        // Where a field jumps is rounded.
+        let before = if touched.is_some() { self.before(code, state) } else { [None, None] };
+        self.midpoint(code, state, media, ray, from.clone() + step.clone() * 0.5, &step);
+        if let (Some(touched), Some(crosses)) = (touched, crosses) {
+            if let (Some(error), Some(all)) = (state.error, self.moved(code, state, before)) {
+                let off = place / step.clone().max(1e-37);
+                let jumps = Expr::Local(touched).or(crosses.clone());
+                code.add(error, jumps.select(off.min(1.0) * all, 0.0));
+            }
+            code.set(touched, crosses);
+        }
+        code.add(s, step);
+        code.add(pieces, 1.0);
         let block = code.close();
         code.push_loop(block);
     }
@@ -181,8 +234,7 @@ impl Tracer<'_> {
         let longest = self.longest_step(code, media, length, segment.part.then_some(reach));
         let longest = code.bind("longest", Ty::F32, longest);
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
-        let jumps = self.jumps(code, ray);
-        let sides = self.sides(code, ray);
+        let stops = self.stops(code, ray, media);
         let gap = self.longest_unseen(code, ray, media);
         // Distance from the start of the segment.
         let s = code.var("s", Ty::F32, 0.0);
@@ -195,35 +247,10 @@ impl Tracer<'_> {
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
         let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
-        let narrow = self.longest_here(code, ray, media, &from);
-        // A step ends where a field jumps, and before it passes what samples might miss.
-        let jump = jumps.iter().map(|j| j.distance(code, &from)).chain(narrow).reduce(Expr::min);
-        let ahead = jump.map(|jump| code.bind("to_jump", Ty::F32, jump.max(shortest.clone())));
-        let reachable = match &ahead {
-            Some(jump) => code.bind("reachable", Ty::F32, Expr::Local(h).min(jump.clone())),
-            None => h.into(),
-        };
-        // The last step takes what is left, so that no sliver remains.
-        let last = code.bind("last", Ty::BOOL, (reachable.clone() * 1.001).greater_equal(rest.clone()));
-        let step = last.clone().select(rest, reachable);
-        // The places of samples are rounded.
-        let place = largest(ray.origin.clone().abs(), 3) + from.clone().abs();
-        let place = code.bind("rounded_by", Ty::F32, place * PLACE);
-        let (step, last, crosses) = match &sides {
-            Some(sides) => {
-                let step = code.bind("whole_stride", Ty::F32, step);
-                let cut = code.var("stride", Ty::F32, step.clone());
-                let crosses = self.cut_at_jump(code, ray, sides, &from, cut);
-                // No shorter than places are rounded, on which side they are.
-                let least = shortest.clone().max(place.clone()).min(step.clone());
-                let step = code.bind("step", Ty::F32, Expr::Local(cut).max(least));
-                let last = code.bind("last", Ty::BOOL, last.and(!crosses.clone()));
-                (step, last, Some(crosses))
-            }
-            None => (code.bind("step", Ty::F32, step), last, None),
-        };
+        let Stride { step, last, ahead, crosses, place } =
+            self.stride(code, &stops, (ray, media), &from, [h.into(), rest, shortest.clone()]);
         // A step that may begin or end at a jump is looked at from within.
-        let inset = (!jumps.is_empty() || sides.is_some()).then(|| {
+        let inset = stops.has_jumps().then(|| {
             let inset = (place.clone() * 2.0 + step.clone() * INSET).min(step.clone() * 0.125);
             code.bind("inset", Ty::F32, inset)
         });
@@ -475,48 +502,6 @@ impl Tracer<'_> {
         }
     }
 
-    /// The planes on which some coefficient jumps, and those nearest to a lamp, as functions of the distance along this ray.
-    fn jumps(&mut self, code: &mut Code, ray: &Ray) -> Vec<Crossing> {
-        let scene: &super::matter::Scene = self.scene;
-        let mut known: Vec<crate::analysis::jumps::Jump> = vec![];
-        for jump in scene.matter.iter().flat_map(|m| &m.jumps.planes) {
-            if !known.contains(jump) {
-                known.push(*jump);
-            }
-        }
-        let crossing = |(i, jump): (usize, crate::analysis::jumps::Jump)| {
-            let gradient = self.builder.value(self.graph, jump.gradient, "jump_gradient");
-            let offset = self.builder.value(self.graph, jump.offset, "jump_offset");
-            let start = gradient.clone().dot(ray.origin.clone()) + offset;
-            let start = code.bind(&format!("jump_start_{i}"), Ty::F32, start);
-            let rate = code.bind(&format!("jump_rate_{i}"), Ty::F32, gradient.dot(ray.direction.clone()));
-            Crossing { start, rate, every_whole: jump.every_whole }
-        };
-        let mut all: Vec<Crossing> = known.into_iter().enumerate().map(crossing).collect();
-        if self.in_scattered.is_some() && matches!(self.walk, Walk::Eye) {
-            for light in &scene.lights {
-                let LightKind::Point { position, radius, .. } = light.kind else { continue };
-                let at = self.builder.value(self.graph, position, &format!("{}_position", light.name));
-                let way = code.bind("from_lamp", Ty::VEC3, ray.origin.clone() - at);
-                let start = way.clone().dot(ray.direction.clone());
-                let start = code.bind(&format!("past_{}", light.name), Ty::F32, start);
-                all.push(Crossing { start: start.clone(), rate: Expr::F32(1.0), every_whole: false });
-                let Some(radius) = radius else { continue };
-                // Where the light begins and ends to be clamped.
-                let radius = self.builder.value(self.graph, radius, &format!("{}_radius", light.name));
-                let foot = way - ray.direction.clone() * start.clone().splat(3);
-                let foot = code.bind("foot", Ty::VEC3, foot);
-                let half = (radius.clone() * radius - foot.clone().dot(foot)).max(0.0).sqrt();
-                let half = code.bind("half_chord", Ty::F32, half);
-                for edge in [start.clone() + half.clone(), start - half] {
-                    let start = code.bind("past_edge", Ty::F32, edge);
-                    all.push(Crossing { start, rate: Expr::F32(1.0), every_whole: false });
-                }
-            }
-        }
-        all
-    }
-
     /// Leaves the loop when nothing behind can be seen any more, and adds what that may cost to the error.
     fn early_exit(&mut self, code: &mut Code, state: &State) {
         let (Some(depth), false) = (state.depth, self.wants(OutputKind::OpticalDepth)) else { return };
@@ -561,29 +546,5 @@ impl Tracer<'_> {
     /// An upper bound of all source functions k_e/k_t, if one is known.
     fn brightest(&self) -> Option<f64> {
         self.scene.matter.iter().map(|m| m.source_bound).try_fold(0.0f64, |a, b| Some(a.max(b?)))
-    }
-}
-
-/// A coordinate `start + rate · t` that jumps at 0, or at every whole number.
-struct Crossing {
-    start: Expr,
-    rate: Expr,
-    every_whole: bool,
-}
-
-impl Crossing {
-    /// From `t` to the next jump; FAR if there is none.
-    fn distance(&self, code: &mut Code, t: &Expr) -> Expr {
-        let x = code.bind("coordinate", Ty::F32, self.start.clone() + self.rate.clone() * t.clone());
-        let still = self.rate.clone().equal(0.0);
-        let to_next = if self.every_whole {
-            let up = Expr::math(Math::Floor, [x.clone()]) + 1.0;
-            let down = Expr::math(Math::Ceil, [x.clone()]) - 1.0;
-            self.rate.clone().greater(0.0).select(up, down) - x
-        } else {
-            -x
-        };
-        let distance = code.bind("distance", Ty::F32, to_next / still.clone().select(1.0, self.rate.clone()));
-        still.or(distance.clone().less_equal(0.0)).select(FAR, distance)
     }
 }

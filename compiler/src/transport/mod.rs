@@ -21,11 +21,13 @@ mod project;
 pub(crate) mod rays;
 pub(crate) mod records;
 pub(crate) mod resolve;
+mod rounded;
 mod sample;
 mod shapes;
 mod sheets;
 pub(crate) mod slab;
 mod sides;
+mod stride;
 mod trace;
 mod tracking;
 

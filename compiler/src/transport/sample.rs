@@ -1,10 +1,10 @@
 //! Evaluates all media at a point of the ray: extinction, and everything that sends light towards the eye from there.
 
 use super::light::InScattered;
-use super::march::PLACE;
 use super::matter::Matter;
 use super::media::{Medium, Varying};
 use super::shapes::{FAR, Ray};
+use super::stride::PLACE;
 use super::trace::{ComponentIf, State, Tracer, Walk, largest, widen};
 use crate::fields::Code;
 use crate::program::kernel::{BinaryOp, Expr, LocalId, Math, Prim, Ty};

@@ -1,8 +1,8 @@
 //! Rays in slabs: what the stretch of a ray inside one slab sends and lets through, and what comes of all slabs together.
 //!
 //! A slab is short: where coefficients vary, they are taken from its middle and the exact exponential is used along it
-//! (Hillaire 2015), which is of second order in the thickness. It is cut at every boundary of a shape, so that order is
-//! kept there, and what has a closed form costs no sample.
+//! (Hillaire 2015), which is of second order in the thickness. It is cut at every boundary of a shape, where a field jumps and
+//! around what is narrow, so that order is kept there, and what has a closed form costs no sample.
 
 use super::shapes::{FAR, Ray};
 use super::sheets::Nearest;

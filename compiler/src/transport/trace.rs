@@ -22,10 +22,8 @@ use crate::ir::{Composite, FieldScene, Graph, Input, NodeId, PrimitiveKind, Tier
 use crate::program::kernel::{Expr, FunctionId, LocalId, Prim, Ty};
 use crate::program::{Fault, FrameValue, Ledger, OutputKind, StepRule};
 
-/// Half a unit in the last place of an f32, relative.
-const HALF_ULP: f64 = 1.0 / 16_777_216.0;
 /// What a handful of operations and an exponential of f32 may be wrong by, relative.
-const ROUNDED: f64 = 6.0 * HALF_ULP;
+const ROUNDED: f64 = 6.0 * super::rounded::HALF_ULP;
 
 /// What a traced ray returns, and where in the struct.
 pub(crate) struct Traced {
@@ -46,6 +44,8 @@ pub(super) struct Segment {
     pub(super) reach: Option<Expr>,
     /// Whether steps are shared out over it as well.
     pub(super) part: bool,
+    /// Where the slab begins and ends that it lies in, if it does.
+    pub(super) slab: Option<[Expr; 2]>,
 }
 
 /// The part of a ray that counts.
@@ -352,6 +352,7 @@ impl Tracer<'_> {
             _ => false,
         };
         let Stretch { start, end, whole } = stretch;
+        let slab = self.slab_of(stretch);
         if simple {
             let span = spans.iter().flatten().next().cloned().expect("a simple scene has one span");
             let a = code.bind("enter", Ty::F32, span.clone().component(0).max(start.clone()));
@@ -363,8 +364,14 @@ impl Tracer<'_> {
             let b = code.bind("leave", Ty::F32, b);
             code.open();
             let reach = whole.clone().unwrap_or_else(|| b.clone() - a.clone());
-            let segment =
-                Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: Some(reach), part: whole.is_some() };
+            let segment = Segment {
+                ray: ray.clone(),
+                a: a.clone(),
+                b: b.clone(),
+                reach: Some(reach),
+                part: whole.is_some(),
+                slab,
+            };
             self.segment(code, state, &media, &segment);
             let body = code.close();
             code.push_if(b.greater(a), body);
@@ -374,7 +381,7 @@ impl Tracer<'_> {
         } else if scene.primitives.is_empty() {
             let b = end.clone().unwrap_or(Expr::F32(FAR));
             let reach = whole.clone();
-            let segment = Segment { ray: ray.clone(), a: start.clone(), b, reach, part: whole.is_some() };
+            let segment = Segment { ray: ray.clone(), a: start.clone(), b, reach, part: whole.is_some(), slab };
             self.segment(code, state, &media, &segment);
             if let (false, Some(ledger)) = (scene.matter.is_empty(), &mut ledger) {
                 ledger.omit("loop over segments", "no shape cuts the rays", None);
@@ -382,6 +389,12 @@ impl Tracer<'_> {
         } else {
             self.segments(code, ray, state, &mut media, (&spans, sdfs), stretch);
         }
+    }
+
+    /// The ends of a stretch of the eye's ray, if it is a slab.
+    fn slab_of(&self, stretch: &Stretch) -> Option<[Expr; 2]> {
+        let slab = matches!(self.rule, StepRule::Slabs { .. }) && matches!(self.walk, Walk::Eye);
+        stretch.end.clone().filter(|_| slab).map(|end| [stretch.start.clone(), end])
     }
 
     pub(super) fn declare(&mut self, code: &mut Code, ledger: &mut Ledger) -> State {
@@ -550,7 +563,8 @@ impl Tracer<'_> {
             different.into_iter().reduce(Expr::or)
         });
         code.open();
-        self.segment(code, state, media, &Segment { ray: ray.clone(), a: t.into(), b: next.into(), reach, part });
+        let slab = self.slab_of(stretch);
+        self.segment(code, state, media, &Segment { ray: ray.clone(), a: t.into(), b: next.into(), reach, part, slab });
         let body = code.close();
         match anywhere {
             Some(condition) => code.push_if(condition, body),
@@ -582,7 +596,8 @@ impl Tracer<'_> {
         }
         match self.walk.clone() {
             Walk::Eye => {
-                let before = self.before(code, state);
+                let bounded = !self.scene.primitives.is_empty();
+                let before = if bounded { self.before(code, state) } else { [None, None] };
                 self.lit_segment(code, state, media, segment);
                 self.count_rounded_ends(code, state, segment, before);
             }
@@ -590,57 +605,6 @@ impl Tracer<'_> {
             Walk::Path(flight) => self.fly(code, state, media, segment, &flight),
             Walk::Ratio(ratio) => self.ratio(code, state, media, segment, &ratio),
         }
-    }
-
-    /// Depth and radiance in front of a segment, where the error is kept.
-    fn before(&self, code: &mut Code, state: &State) -> [Option<Expr>; 2] {
-        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
-        // The ends of slabs are no boundaries: what one lacks the next has.
-        let slabs = matches!(self.rule, StepRule::Slabs { .. } | StepRule::Splats { .. });
-        if slabs || state.error.is_none() || self.scene.primitives.is_empty() {
-            return [None, None];
-        }
-        [
-            state.depth.map(|d| code.bind("depth_before", Ty::float(dw), Expr::Local(d))),
-            state.radiance.map(|r| code.bind("radiance_before", Ty::float(lw), Expr::Local(r))),
-        ]
-    }
-
-    /// Adds to the error what it makes that the ends of a segment are rounded: a length of `l` that is off by δ is off by δ/l in
-    /// optical depth, and by less than e^(−x/2) δ/l in its own light.
-    fn count_rounded_ends(
-        &mut self,
-        code: &mut Code,
-        state: &State,
-        segment: &Segment,
-        [depth_before, radiance_before]: [Option<Expr>; 2],
-    ) {
-        let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
-        let Some(error) = state.error else { return };
-        let mut parts = vec![];
-        let x = depth_before.zip(state.depth).map(|(before, depth)| {
-            let x = code.bind("segment_depth", Ty::float(dw), Expr::Local(depth) - before);
-            let white = self.builder.frame(FrameValue::White);
-            let bright = match state.radiance {
-                Some(radiance) => white.max(largest(radiance.into(), lw)),
-                None => white,
-            };
-            parts.push(bright * largest((-Expr::Local(depth)).exp() * x.clone(), dw));
-            x
-        });
-        if let Some((before, radiance)) = radiance_before.zip(state.radiance) {
-            let own = Expr::Local(radiance) - before;
-            let own = match &x {
-                Some(x) => own * widen((x.clone() * Expr::F32(-0.5).splat(dw)).exp(), dw, lw),
-                None => own,
-            };
-            parts.push(largest(own, lw));
-        }
-        let Some(all) = parts.into_iter().reduce(|a, b| a + b) else { return };
-        let Segment { ray, a, b, .. } = segment;
-        let place = largest(ray.origin.clone().abs(), 3) * 2.0 + a.clone().abs() + b.clone().abs();
-        let off = code.bind("rounded", Ty::F32, place.min(FAR) * HALF_ULP / (b.clone() - a.clone()).max(1e-37));
-        code.add(error, off.min(1.0) * all);
     }
 
     fn lit_segment(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment) {
@@ -675,7 +639,7 @@ impl Tracer<'_> {
             self.march(code, state, media, segment);
             return;
         }
-        let Segment { ray, a, b, reach, part } = segment;
+        let Segment { ray, a, b, reach, part, slab } = segment;
         let far = code.bind("endless", Ty::BOOL, b.clone().greater_equal(FAR));
         let end = code.var("end", Ty::F32, b.clone());
         code.open();
@@ -684,7 +648,8 @@ impl Tracer<'_> {
         let block = code.close();
         code.push_if(far.clone(), block);
         let b = code.bind("last", Ty::F32, end);
-        let rest = Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: reach.clone(), part: *part };
+        let slab = slab.clone();
+        let rest = Segment { ray: ray.clone(), a: a.clone(), b: b.clone(), reach: reach.clone(), part: *part, slab };
         self.march(code, state, media, &rest);
         if let Some(depth) = state.depth {
             code.open();

@@ -26,7 +26,7 @@ pub(super) fn build(
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
     refuse(scene, options, diagnostics);
-    let seen = Scene::new(scene, ledger, diagnostics);
+    let mut seen = Scene::new(scene, ledger, diagnostics);
     if diagnostics.has_errors() {
         return None;
     }
@@ -36,6 +36,11 @@ pub(super) fn build(
         count = Some(1);
     }
     let rule = StepRule::Slabs { count, accuracy };
+    if options.unbounded {
+        ledger.omit("bounds of media", "no brick of them is empty or much thinner than others", None);
+    } else {
+        seen.keep_bounds(scene, rule, ledger);
+    }
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = records::samples(aa, options.rays, ledger);
     let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
@@ -78,7 +83,7 @@ pub(super) fn build(
         plant: None,
         footprints: None,
         carried: 0,
-        bounds: vec![],
+        bounds: seen.bounds,
         samples,
         work_per_ray: count.unwrap_or(256),
     };

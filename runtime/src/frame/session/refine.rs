@@ -23,6 +23,8 @@ pub(super) struct Ladder {
     pub(super) most: u32,
     /// By what power of their number the size of pieces falls: 1 for slabs, 1/3 for a lattice.
     pub(super) power: f64,
+    /// Whether everything has a closed form, so that nothing is left but what rays say of themselves.
+    pub(super) exact: bool,
 }
 
 /// What the last pieces gave.
@@ -65,6 +67,9 @@ impl Session {
             spent += u64::from(pieces.count);
             let (mut canvas, mut timing) = self.canvas(&frame, progress)?;
             let Some((larger, coarse, so_far)) = before.take() else {
+                if ladder.exact {
+                    return Ok(Refined { frame, canvas, timing, pieces, spent });
+                }
                 if ladder.is_asked() {
                     // Only what was asked for: nothing tells how good it is but the comparison with the reference.
                     (canvas.predicted, canvas.errors) = (None, vec![]);

@@ -28,7 +28,10 @@ impl Session {
             | StepRule::Paths(_)
             | StepRule::Splats { .. } => (FIRST.min(most), most),
         };
-        Ladder { first, most, power: 1.0 }
+        // A number that nobody asked for is the compiler's, where more would change nothing.
+        let given = matches!(self.program.plan.steps, StepRule::Slabs { count: Some(_), .. });
+        let exact = given && self.program.lowered.render.slices.is_none();
+        Ladder { first, most, power: 1.0, exact }
     }
 
     pub(super) fn draw_slabs(

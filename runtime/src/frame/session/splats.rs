@@ -29,7 +29,7 @@ impl Session {
             | StepRule::Paths(_)
             | StepRule::Slabs { .. } => (FIRST, MOST),
         };
-        Ladder { first, most, power: 1.0 / 3.0 }
+        Ladder { first, most, power: 1.0 / 3.0, exact: false }
     }
 
     pub(super) fn draw_splats(
