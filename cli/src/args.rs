@@ -118,7 +118,7 @@ impl EngineArguments {
             Some(EngineName::Reference) => EngineChoice::Reference,
         };
         let adapter = match &self.adapter {
-            Some(name) => AdapterChoice { name: Some(name.clone()) },
+            Some(name) => AdapterChoice { name: Some(name.clone()), ..AdapterChoice::default() },
             None => AdapterChoice::from_env(),
         };
         (engine, adapter)

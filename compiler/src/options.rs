@@ -2,7 +2,7 @@
 
 use crate::diagnostic::Diagnostics;
 use crate::ir::{Aa, Backend, Scattering};
-use crate::program::{OutputKind, Program, RaySource};
+use crate::program::{OutputKind, Precision, Program, RaySource};
 use crate::source::Sources;
 use crate::trial::Change;
 
@@ -33,6 +33,8 @@ pub struct Options {
     pub aa: Option<Aa>,
     /// Leaves the bounds of media out: whoever has the voxels found that they tell nothing.
     pub unbounded: bool,
+    /// What slabs of a picture are blended in.
+    pub blending: Precision,
     /// A change that puts the scene to the test.
     pub change: Option<Change>,
 }
@@ -53,6 +55,7 @@ impl Default for Options {
             size: None,
             aa: None,
             unbounded: false,
+            blending: Precision::Single,
             change: None,
         }
     }

@@ -2,7 +2,11 @@
 
 use compiler::Options;
 use compiler::ir::{Aa, Backend, Scattering};
-use tyndall_tests::{codes_of, draw_text};
+use compiler::program::print_plan;
+use runtime::engine::gpu::AdapterChoice;
+use runtime::frame::{Cause, EngineChoice, FileLoader, Session, Settings};
+use std::path::Path;
+use tyndall_tests::{codes_of, draw, draw_text, open_text};
 
 fn sliced() -> Options {
     Options { backend: Some(Backend::Slicing), aa: Some(Aa::None), ..Options::default() }
@@ -136,5 +140,56 @@ fn slabs_end_where_fields_jump() {
         println!("{shape}: {off:e}");
         assert!(off < allowed, "{shape}: {off}");
         assert!(clear.iter().any(|t| *t < 0.9), "{shape}: something is seen");
+    }
+}
+
+/// An adapter that cannot blend f32 gets targets of f16: what those round is reported, in the picture, the plan and the ledger.
+#[test]
+fn what_f16_rounds_is_reported() {
+    let adapter = AdapterChoice { without_f32_blending: true, ..AdapterChoice::from_env() };
+    let camera = "camera { from = (0.4, 0.3, -3) m  to = (0,0,0) m  fov = 60 deg }";
+    let uniform = "
+        medium ball { shape = sphere(center: (0,0,0) m, radius: 1 m)  k_a = rgb(1, 2, 0.5) / m  k_e = 2 lx / m }
+        image { size = 24 x 18  aa = none  background = #203040 }";
+    // Far dimmer and far brighter than white, a thousand bands' width of depth, and in the dark.
+    let dim = BLOB.replace("k_e = 2 lx / m", "k_e = 1e-3 lx / m").replace("#203040", "#000");
+    let bright = BLOB.replace("k_e = 2 lx / m", "k_e = 500 lx / m");
+    let beyond = BLOB.replace("k_e = 2 lx / m", "k_e = 1e5 lx / m");
+    let thick = BLOB.replace("rgb(1, 2, 0.5)", "rgb(1e3, 2e5, 1e-3)");
+    let exposed = BLOB.replace("aa = none", "aa = none  exposure = 3");
+    for scene in [BLOB, uniform, &dim, &bright, &beyond, &thick, &exposed] {
+        let text = format!("{scene}{camera}");
+        let options = Options { accuracy: Some(2e-2), ..sliced() };
+        let settings = Settings { options, engine: EngineChoice::Gpu, adapter: adapter.clone(), ..Settings::default() };
+        let loader = FileLoader::new(Path::new("."));
+        let mut session = match Session::open("scene.vol", &text, &loader, settings) {
+            Ok(session) => session,
+            Err(trouble) if trouble.cause == Cause::Machine => {
+                runtime::engine::skip_without_adapter();
+                return;
+            }
+            Err(trouble) => panic!("{:?}", trouble.diagnostics),
+        };
+        let program = session.program();
+        assert!(print_plan(program).contains("× f16"), "the plan says so");
+        assert!(program.ledger.0.iter().any(|o| o.feature == "f32 targets"), "the ledger says so");
+        assert!(session.steps().contains("f16"));
+        let half = draw(Path::new("scene.vol"), &mut session);
+        let finer = Options { accuracy: Some(1e-4), ..sliced() };
+        let mut session = open_text(&text, finer).expect("there is an adapter");
+        let single = draw(Path::new("scene.vol"), &mut session);
+        let (mut worst, mut least, mut rounded) = (0.0f32, f32::INFINITY, false);
+        let pixels = half.picture.radiance().chunks(3).zip(single.picture.radiance().chunks(3));
+        for ((a, b), (said, own)) in pixels.zip(half.errors.iter().zip(&single.errors)) {
+            let off = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            rounded |= off > 1e-5 * b[0];
+            if off > 0.0 {
+                worst = worst.max(off / (said + own));
+                least = least.min(off / (said + own));
+            }
+        }
+        println!("{:?} slabs: measured over reported {least:.2e} to {worst:.2}", half.slabs);
+        assert!(half.errors.len() == 24 * 18 && worst <= 1.0, "{scene}: {worst}");
+        assert!(rounded, "f16 shows");
     }
 }

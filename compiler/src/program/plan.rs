@@ -465,7 +465,38 @@ pub enum Blend {
     Max,
 }
 
-/// A picture of f32 that fragments are blended into; it begins as 0.
+/// Floating point that fragments are blended in.
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// f32
+    #[default]
+    Single,
+    /// f16, where the adapter cannot blend f32.
+    Half,
+}
+
+impl Precision {
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Single => "f32",
+            Self::Half => "f16",
+        }
+    }
+
+    /// What a blend may be wrong by, relative: what is blended, its product and its sum are each rounded to nearest, or the sum is
+    /// cut off.
+    #[must_use]
+    pub fn blend_error(self) -> f64 {
+        match self {
+            Self::Single => 3.0 / 16_777_216.0,
+            Self::Half => 3.0 / 2048.0,
+        }
+    }
+}
+
+/// A picture that fragments are blended into; it begins as 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {
     /// Its name in the shader.
@@ -474,6 +505,8 @@ pub struct Target {
     pub channels: u8,
     /// How.
     pub blend: Blend,
+    /// In what.
+    pub precision: Precision,
 }
 
 /// How many invocations a pass has.

@@ -262,7 +262,7 @@ pub fn print_plan(program: &Program) -> String {
             Blend::Add => "added",
             Blend::Max => "the larger",
         };
-        let _ = writeln!(out, "target {}: {} × f32, {blend}", target.name, target.channels);
+        let _ = writeln!(out, "target {}: {} × {}, {blend}", target.name, target.channels, target.precision.name());
     }
     out
 }

@@ -1,12 +1,13 @@
 //! `resolve`: what was drawn into the targets, with what lies behind the media, as records.
 
 use super::aim::{Note, Rays};
-use super::layers::{CUT_SHORT, FAULT, Layers, components};
+use super::layers::{CUT_SHORT, Layers, components};
 use super::records::{self, Pixel};
 use super::slab::{Part, Pieces};
+use super::trace::largest;
 use crate::fields::{Code, KernelBuilder};
-use crate::program::kernel::{Expr, Function, Math, Prim, Ty};
-use crate::program::{Fault, OutputKind, RaySource};
+use crate::program::kernel::{Expr, Function, Prim, Ty};
+use crate::program::{Fault, FrameValue, OutputKind, RaySource};
 
 /// The entry point.
 pub(crate) fn entry(
@@ -14,7 +15,7 @@ pub(crate) fn entry(
     pieces: &Pieces,
     layers: &Layers,
     (source, rays, edge): (RaySource, Rays, bool),
-    stride: u32,
+    (stride, blends): (u32, Option<FrameValue>),
 ) -> Function {
     let mut code = Code::new("resolve", None);
     let (record, place) = match source {
@@ -48,30 +49,49 @@ pub(crate) fn entry(
     let mut arguments = vec![note.origin.clone(), note.direction.clone(), note.start.clone()];
     let fault = pieces.place(Part::Fault).map(|_| {
         let packed = code.bind("packed", Ty::F32, channel(Part::Fault, 0));
-        let number = Expr::math(Math::Floor, [packed.clone() / FAULT]);
-        let number = code.bind("fault_number", Ty::F32, number);
-        let slab = packed - number.clone() * FAULT;
+        let (number, slab) = layers.fault(builder, &mut code, &packed);
         let t = note.first.clone() + (slab + 0.5) * note.step.clone();
         let at = note.origin.clone() + note.direction.clone() * t.splat(3);
         arguments.push(code.bind("fault_at", Ty::VEC3, at));
         let code_of = code.bind("fault_code", Ty::U32, number.convert(Prim::U32));
         code_of.clone().greater_equal(CUT_SHORT).select(Fault::CUT_SHORT, code_of)
     });
+    let mut sums = vec![];
     for (part, ty) in &pieces.parts {
-        arguments.push(match part {
+        let sum = match part {
             Part::Light | Part::Depth => {
-                let parts: Vec<Expr> = (0..components(*ty)).map(|i| channel(*part, i)).collect();
+                let read = |i| layers.read(builder, *part, channel(*part, i));
+                let parts: Vec<Expr> = (0..components(*ty)).map(read).collect();
                 if let [only] = parts.as_slice() { only.clone() } else { Expr::Compose(*ty, parts) }
             }
-            Part::Error => channel(*part, 0),
+            Part::Error => layers.read(builder, *part, channel(*part, 0)),
             Part::Work => channel(*part, 0).convert(Prim::U32),
             Part::Fault => fault.clone().expect("made above"),
-        });
+        };
+        sums.push(code.bind(&format!("all_{}", part.name()), *ty, sum));
     }
+    arguments.extend(sums.iter().cloned());
     let whole = builder.result_of(pieces.whole.function);
     let whole = code.bind("traced", whole, Expr::Call(pieces.whole.function, arguments));
     let mut values: Vec<Expr> = (0..pieces.whole.fields.len() as u32).map(|i| whole.clone().field(i)).collect();
     let mut fields = pieces.whole.fields.clone();
+    let place = |kind| fields.iter().position(|f: &(OutputKind, u8)| f.0 == kind);
+    let told = place(OutputKind::Error).zip(place(OutputKind::Radiance));
+    if let (Some((error, radiance)), Some(blends)) = (told, blends) {
+        let count = code.bind("blends", Ty::F32, builder.frame(blends).convert(Prim::F32));
+        let most = |part: Part| {
+            let at = pieces.place(part)? as usize;
+            Some(largest(sums[at].clone().abs(), components(pieces.parts[at].1)))
+        };
+        let (light, depth) = (most(Part::Light), most(Part::Depth));
+        let behind = match pieces.place(Part::Light) {
+            Some(own) => values[radiance].clone() - sums[own as usize].clone(),
+            None => values[radiance].clone(),
+        };
+        let behind = largest(behind.abs(), fields[radiance].1);
+        let rounded = layers.rounding(builder, &count, light, (behind, depth));
+        values[error] = values[error].clone() + rounded;
+    }
     if edge {
         values.push(note.edge.clone());
         fields.push((OutputKind::Edge, 1));

@@ -26,6 +26,19 @@ pub(crate) enum Part {
     Fault,
 }
 
+impl Part {
+    /// Its name in the shader.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Light => "light",
+            Self::Depth => "depth",
+            Self::Error => "error",
+            Self::Work => "work",
+            Self::Fault => "fault",
+        }
+    }
+}
+
 /// The functions of a ray in pieces, which are blended.
 pub(crate) struct Pieces {
     /// `slab(origin, direction, from, to)`, or of splats; where steps are shared out, `part_of` as well: the length

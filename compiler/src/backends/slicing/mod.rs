@@ -13,7 +13,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::program::{FrameValue, Geometry, Ledger, OutputKind, Pass, Plan, Precision, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, endless, is_multiple, records, resolve};
@@ -46,14 +46,30 @@ pub(super) fn build(
     let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
     let rays = Rays::new(samples, divided);
     let mut builder = KernelBuilder::default();
-    let tracer = Tracer::new(scene, &seen, &mut builder, rule, records::wanted(&options.outputs));
+    let mut wanted = records::wanted(&options.outputs);
+    let precision = match (options.blending, options.rays) {
+        (Precision::Half, RaySource::Camera) => {
+            ledger.omit("f32 targets", "the adapter blends f16 alone; what that rounds is in the reported error", None);
+            ledger.omit("count of field evaluations", "f16 cannot count beyond 2048", None);
+            wanted.retain(|kind| *kind != OutputKind::Evaluations);
+            Precision::Half
+        }
+        (Precision::Single | Precision::Half, _) => Precision::Single,
+    };
+    let tracer = Tracer::new(scene, &seen, &mut builder, rule, wanted);
     let slabs = tracer.write_slabs(ledger);
     let edge = divided && options.outputs.contains(&OutputKind::Edge);
     let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
-    let layers = Layers::new(&slabs);
+    let layers = Layers::new(&slabs, precision);
     let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, (rays, Aimed::Planes));
     let (outline, slice) = slice::entries(&mut builder, &slabs, &layers);
-    let resolve = resolve::entry(&mut builder, &slabs, &layers, (options.rays, rays, edge), stride);
+    let resolve = resolve::entry(
+        &mut builder,
+        &slabs,
+        &layers,
+        (options.rays, rays, edge),
+        (stride, Some(FrameValue::SlabCount)),
+    );
     let (extent, group) = records::extent(options.rays);
     let mut entries = vec![
         ("aim", Stage::Compute(group), aim),

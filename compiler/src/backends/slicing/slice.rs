@@ -51,7 +51,7 @@ fn slice(builder: &mut KernelBuilder, slabs: &Pieces, layers: &Layers, (corner, 
     code.open();
     let arguments = vec![note.origin, note.direction, from, to];
     let value = code.bind("within", slabs.result, Expr::Call(slabs.piece, arguments));
-    layers.fill(&mut code, slabs, &vars, &value, &number);
+    layers.fill(builder, &mut code, slabs, &vars, (&value, &number));
     let body = code.close();
     code.push_if(there, body);
     code.return_(Expr::Compose(colors, vars.into_iter().map(Expr::Local).collect()));

@@ -24,7 +24,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
 use crate::ir::{Composite, FieldScene, Projection};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, RaySource, StepRule};
+use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, Precision, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, endless, is_multiple, records, resolve};
@@ -56,14 +56,14 @@ pub(super) fn build(
     let wanted = options.outputs.iter().copied().filter(told).collect();
     let pieces = Tracer::new(scene, &seen, &mut builder, rule, wanted).write_slabs(ledger);
     let (outputs, stride) = records::layout(&pieces.whole.fields, false);
-    let layers = Layers::new(&pieces);
+    let layers = Layers::new(&pieces, Precision::Single);
     let splats = doubt::stride(&pieces);
     let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
     let doubt = doubt::entry(scene, &mut builder, &pieces, options.rays);
     let rank = splat::rank(scene, &mut builder, &pieces, options.rays);
     let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes));
     let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
-    let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), stride);
+    let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), (stride, None));
     let (extent, group) = records::extent(options.rays);
     let mut entries = vec![
         ("plant", Stage::Compute([64, 1, 1]), plant),

@@ -314,7 +314,7 @@ fn splat(builder: &mut KernelBuilder, pieces: &Pieces, layers: &Layers, (corner,
     let length = (distance.clone() * -0.5).exp() * deviation * std::f64::consts::TAU.sqrt() * share;
     let length = code.bind("length", Ty::F32, length);
     let value = doubt::within(builder, &mut code, pieces, (&number, &length, &distance));
-    layers.fill(&mut code, pieces, &vars, &value, &Expr::F32(0.0));
+    layers.fill(builder, &mut code, pieces, &vars, (&value, &Expr::F32(0.0)));
     let body = code.close();
     code.push_if(there, body);
     code.return_(Expr::Compose(colors, vars.into_iter().map(Expr::Local).collect()));

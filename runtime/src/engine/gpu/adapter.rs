@@ -3,7 +3,7 @@
 use super::errors::{GpuError, GpuErrorKind, Watch};
 use super::pipelines::CacheFile;
 use compiler::program::kernel::{Kernel, ResourceKind};
-use compiler::program::{Binding, MOST_BRICKS, Program, used_resources};
+use compiler::program::{Binding, MOST_BRICKS, Pass, Precision, Program, used_resources};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
@@ -20,6 +20,8 @@ const SPLAT_BYTES: u64 = 128 << 20;
 pub struct AdapterChoice {
     /// A part of its name, case ignored; `None` takes the best.
     pub name: Option<String>,
+    /// Takes it for one that cannot blend 32-bit floating point, to see what is drawn there.
+    pub without_f32_blending: bool,
 }
 
 impl AdapterChoice {
@@ -29,7 +31,7 @@ impl AdapterChoice {
     /// What [`Self::VARIABLE`] asks for.
     #[must_use]
     pub fn from_env() -> Self {
-        Self { name: std::env::var(Self::VARIABLE).ok().filter(|n| !n.is_empty()) }
+        Self { name: std::env::var(Self::VARIABLE).ok().filter(|n| !n.is_empty()), ..Self::default() }
     }
 
     fn accepts(&self, info: &wgpu::AdapterInfo) -> bool {
@@ -159,6 +161,8 @@ pub struct Needs {
     pub shared_bytes: u32,
     /// Targets to draw into, and bytes of a pixel of all of them.
     pub targets: [u32; 2],
+    /// Whether some of them are blended in f32.
+    pub blends_f32: bool,
 }
 
 impl Needs {
@@ -182,6 +186,7 @@ impl Needs {
             invocations: self.invocations.max(other.invocations),
             shared_bytes: self.shared_bytes.max(other.shared_bytes),
             targets: std::array::from_fn(|i| self.targets[i].max(other.targets[i])),
+            blends_f32: self.blends_f32 || other.blends_f32,
         }
     }
 
@@ -256,6 +261,7 @@ impl Needs {
         for target in &program.plan.targets {
             needs.targets[0] += 1;
             needs.targets[1] += u32::from(target.channels) * 4;
+            needs.blends_f32 |= target.precision == Precision::Single;
         }
         for kernel in program.plan.kernels() {
             let kernel = &program.kernels[kernel as usize];
@@ -371,7 +377,7 @@ impl Gpu {
         let names: Vec<String> = all.iter().map(|a| a.get_info().name).collect();
         let mut failure = None;
         for adapter in all.into_iter().filter(|a| choice.accepts(&a.get_info())) {
-            match Self::open(&adapter, needs) {
+            match Self::open(&adapter, needs, choice) {
                 Ok(gpu) => return Ok(gpu),
                 Err(error) => _ = failure.get_or_insert(error),
             }
@@ -383,15 +389,15 @@ impl Gpu {
         }))
     }
 
-    fn open(adapter: &wgpu::Adapter, needs: &Needs) -> Result<Self, GpuError> {
+    fn open(adapter: &wgpu::Adapter, needs: &Needs, choice: &AdapterChoice) -> Result<Self, GpuError> {
         let limits = needs.limits(&adapter.limits())?;
         let optional = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
         let mut features = adapter.features() & optional;
-        if needs.targets[0] > 0 {
+        if needs.blends_f32 {
             let blended = wgpu::Features::FLOAT32_BLENDABLE;
-            if !adapter.features().contains(blended) {
+            if choice.without_f32_blending || !adapter.features().contains(blended) {
                 let message = format!("`{}` cannot blend 32-bit floating point", adapter.get_info().name);
-                return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("draw with `--backend raymarch`"));
+                return Err(GpuError::new(GpuErrorKind::Unblendable, message).hint("draw with `--backend raymarch`"));
             }
             features |= blended;
         }

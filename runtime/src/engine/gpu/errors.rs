@@ -11,6 +11,8 @@ pub enum GpuErrorKind {
     NoAdapter,
     /// The adapter cannot hold what the scene needs.
     TooLarge,
+    /// The adapter cannot blend 32-bit floating point.
+    Unblendable,
     /// The device went away: driver reset, unplugged, or a watchdog.
     DeviceLost,
     /// The adapter's memory is full.
@@ -27,7 +29,7 @@ impl GpuErrorKind {
     pub fn code(self) -> &'static str {
         match self {
             Self::NoAdapter => "E0630",
-            Self::TooLarge => "E0631",
+            Self::TooLarge | Self::Unblendable => "E0631",
             Self::DeviceLost => "E0632",
             Self::OutOfMemory => "E0633",
             Self::Validation => "E0634",

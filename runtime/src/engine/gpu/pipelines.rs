@@ -5,7 +5,7 @@ use super::errors::{GpuError, GpuErrorKind};
 use super::sorting::{ListSteps, SortSteps};
 use compiler::loader::Scalar;
 use compiler::program::kernel::{Prim, Stage};
-use compiler::program::{Binding, Blend, Pass, Program, SortBuffer, Target, texture_prim};
+use compiler::program::{Binding, Blend, Pass, Precision, Program, SortBuffer, Target, texture_prim};
 use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -96,10 +96,13 @@ pub(super) struct Pipelines {
 
 /// The format of a target.
 pub(super) fn target_format(target: &Target) -> wgpu::TextureFormat {
-    match target.channels {
-        1 => wgpu::TextureFormat::R32Float,
-        2 => wgpu::TextureFormat::Rg32Float,
-        _ => wgpu::TextureFormat::Rgba32Float,
+    match (target.precision, target.channels) {
+        (Precision::Single, 1) => wgpu::TextureFormat::R32Float,
+        (Precision::Single, 2) => wgpu::TextureFormat::Rg32Float,
+        (Precision::Single, _) => wgpu::TextureFormat::Rgba32Float,
+        (Precision::Half, 1) => wgpu::TextureFormat::R16Float,
+        (Precision::Half, 2) => wgpu::TextureFormat::Rg16Float,
+        (Precision::Half, _) => wgpu::TextureFormat::Rgba16Float,
     }
 }
 

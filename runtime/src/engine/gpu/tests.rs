@@ -408,7 +408,7 @@ fn memory_that_is_full_is_an_error_and_what_was_there_goes_on() {
 
 #[test]
 fn an_unknown_adapter_is_named_with_those_there_are() {
-    let choice = AdapterChoice { name: Some("no such thing".into()) };
+    let choice = AdapterChoice { name: Some("no such thing".into()), ..AdapterChoice::default() };
     let error = Gpu::new(&choice, &Needs::default()).expect_err("no such adapter");
     assert_eq!(error.kind, GpuErrorKind::NoAdapter);
     assert!(error.hint.is_some());

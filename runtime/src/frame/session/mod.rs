@@ -16,7 +16,9 @@ use super::{
 use crate::data::mesh::Mesh;
 use crate::data::splats::Splats;
 use crate::data::{LoadWarning, Volume};
-use crate::engine::gpu::{AdapterChoice, Arranging, Gpu, GpuError, GridData, Needs, Prepared, SceneData, Timing};
+use crate::engine::gpu::{
+    AdapterChoice, Arranging, Gpu, GpuError, GpuErrorKind, GridData, Needs, Prepared, SceneData, Timing,
+};
 use crate::engine::reference::{self, MeshHit, Meshes, WholeReference};
 use crate::image::{Display, Picture};
 use compiler::analysis::interval::Interval;
@@ -24,7 +26,7 @@ use compiler::diagnostic::{Diagnostic, Diagnostics, Severity};
 use compiler::ir::eval::evaluate_frame;
 use compiler::ir::{Aa, MeshId, Scattering};
 use compiler::loader::LoadError;
-use compiler::program::{OutputKind, Program, RaySource, StepRule, UniformField, UniformSource};
+use compiler::program::{OutputKind, Precision, Program, RaySource, StepRule, UniformField, UniformSource};
 use compiler::source::{Sources, Span};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -257,7 +259,7 @@ impl Session {
     ///
     /// # Errors
     /// Errors of the scene and of its files, and what the machine lacks.
-    pub fn open(name: &str, text: &str, loader: &dyn SceneFiles, settings: Settings) -> Result<Self, Trouble> {
+    pub fn open(name: &str, text: &str, loader: &dyn SceneFiles, mut settings: Settings) -> Result<Self, Trouble> {
         let started = Instant::now();
         let compiled = compiler::compile(name, text, loader, &settings.options);
         let (sources, mut warnings) = (compiled.sources, compiled.diagnostics);
@@ -317,8 +319,19 @@ impl Session {
         let spans: Vec<_> = infos.iter().map(|s| s.span).collect();
         let splats = loader.read_splats(infos).map_err(|e| unreadable(&mut warnings, e, &spans, &trouble))?;
         tell(&mut warnings, splats.iter().map(|s| (&s.name, &s.warnings)), &spans);
-        let program = Arc::new(program);
-        let (engine, fallback) = choose(&program, shaders, (grids.loaded(), &meshes), &settings).map_err(|error| {
+        let mut program = Arc::new(program);
+        let mut chosen = choose(&program, shaders, (grids.loaded(), &meshes), &settings);
+        if chosen.as_ref().is_err_and(|e| e.kind == GpuErrorKind::Unblendable) {
+            let unbounded = held.is_none();
+            settings.options.blending = Precision::Half;
+            let options = compiler::Options { unbounded, ..settings.options.clone() };
+            let half = compiler::compile(name, text, loader, &options).program;
+            if let Some((half, shaders)) = half.and_then(|half| emit(&half).ok().map(|shaders| (half, shaders))) {
+                program = Arc::new(half);
+                chosen = choose(&program, shaders, (grids.loaded(), &meshes), &settings);
+            }
+        }
+        let (engine, fallback) = chosen.map_err(|error| {
             warnings.push(machine(&error));
             trouble(Cause::Machine, &warnings)
         })?;
@@ -399,6 +412,7 @@ impl Session {
     /// How steps are chosen, in words.
     #[must_use]
     pub fn steps(&self) -> String {
+        let half = if self.blends_half() { ", blended in f16" } else { "" };
         match (&self.engine, self.program.plan.steps) {
             (Engine::Cpu | Engine::Reference, StepRule::Fixed(n)) => format!("{n} along each ray"),
             (Engine::Cpu | Engine::Reference, _) => "adaptive panels of 8 nodes".into(),
@@ -409,8 +423,8 @@ impl Session {
             (Engine::Gpu(_), StepRule::Adaptive(a)) => format!("adaptive, to {a}"),
             (Engine::Gpu(_), StepRule::Splats { count: Some(n), .. }) => format!("about {n} splats"),
             (Engine::Gpu(_), StepRule::Splats { count: None, .. }) => format!("splats, to {}", self.accuracy()),
-            (Engine::Gpu(_), StepRule::Slabs { count: Some(n), .. }) => format!("{n} slabs"),
-            (Engine::Gpu(_), StepRule::Slabs { count: None, .. }) => format!("slabs, to {}", self.accuracy()),
+            (Engine::Gpu(_), StepRule::Slabs { count: Some(n), .. }) => format!("{n} slabs{half}"),
+            (Engine::Gpu(_), StepRule::Slabs { count: None, .. }) => format!("slabs, to {}{half}", self.accuracy()),
         }
     }
 
@@ -914,6 +928,9 @@ fn choose(
         EngineChoice::Reference => Ok((Engine::Reference, None)),
         EngineChoice::Auto => match gpu() {
             Ok(engine) => Ok((engine, None)),
+            Err(error) if error.kind == GpuErrorKind::Unblendable && settings.options.blending == Precision::Single => {
+                Err(error)
+            }
             // Whoever names an adapter wants that one.
             Err(error) if settings.adapter.name.is_some() => Err(error),
             Err(error) => Ok((Engine::Cpu, Some(error.message))),

@@ -80,9 +80,11 @@ impl Session {
                 continue;
             };
             timing = timing.and(so_far);
+            // What is blended in f16 gets worse with every piece.
+            let rounded = canvas.predicted.filter(|_| self.blends_half()).map_or(0.0, |p| p.1);
             let share = canvas.compare(&coarse, larger.size / pieces.size - 1.0, bands);
             canvas.evaluations = canvas.evaluations.zip(coarse.evaluations).map(|(a, b)| a + b);
-            if share <= 1.0 || count >= ladder.most || !share.is_finite() {
+            if share <= rounded.max(1.0) || count >= ladder.most || !share.is_finite() {
                 return Ok(Refined { frame, canvas, timing, pieces, spent });
             }
             before = Some((pieces, canvas, timing));

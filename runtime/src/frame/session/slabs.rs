@@ -4,10 +4,12 @@ use super::refine::{Ladder, Pieces, Refined};
 use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::bounds::media_boxes;
 use crate::frame::{Camera, Eye, Params, Slabs, scene_bounds};
-use compiler::program::StepRule;
+use compiler::program::{Precision, StepRule};
 
 /// Slabs that are tried first.
 const FIRST: u32 = 32;
+/// Where they are blended in f16.
+const FIRST_HALF: u32 = 8;
 /// Most slabs there can be: their numbers pass through f32 beside the code of a fault.
 const MOST: u32 = 65535;
 
@@ -15,6 +17,11 @@ impl Session {
     /// Whether the picture is drawn in slabs.
     pub(super) fn is_sliced(&self) -> bool {
         matches!(self.program.plan.steps, StepRule::Slabs { .. })
+    }
+
+    /// Whether they are blended in f16.
+    pub(super) fn blends_half(&self) -> bool {
+        self.program.plan.targets.iter().any(|t| t.precision == Precision::Half)
     }
 
     fn slabs(&self) -> Ladder {
@@ -26,7 +33,7 @@ impl Session {
             | StepRule::Fixed(_)
             | StepRule::Adaptive(_)
             | StepRule::Paths(_)
-            | StepRule::Splats { .. } => (FIRST.min(most), most),
+            | StepRule::Splats { .. } => (if self.blends_half() { FIRST_HALF } else { FIRST }.min(most), most),
         };
         // A number that nobody asked for is the compiler's, where more would change nothing.
         let given = matches!(self.program.plan.steps, StepRule::Slabs { count: Some(_), .. });
