@@ -1,7 +1,7 @@
 //! What a caller can ask of a compilation beyond the scene, and what it gets.
 
 use crate::diagnostic::Diagnostics;
-use crate::ir::{Aa, Backend, Scattering};
+use crate::ir::{Aa, Backend, Scattering, Stacks};
 use crate::program::{OutputKind, Precision, Program, RaySource};
 use crate::source::Sources;
 use crate::trial::Change;
@@ -19,6 +19,8 @@ pub struct Options {
     pub steps: Option<u32>,
     /// Instead of `render.slices`.
     pub slices: Option<u32>,
+    /// Instead of `render.stacks`.
+    pub stacks: Option<Stacks>,
     /// Instead of `render.splats`.
     pub splats: Option<u32>,
     /// Instead of `render.accuracy`; also drops `render.steps`, `.slices`, `.splats` and `.samples` unless they are given too.
@@ -48,6 +50,7 @@ impl Default for Options {
             backend: None,
             steps: None,
             slices: None,
+            stacks: None,
             splats: None,
             accuracy: None,
             scattering: None,

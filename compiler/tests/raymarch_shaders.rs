@@ -43,6 +43,7 @@ fn builder(bands: u8) -> Builder {
             accuracy: 0.004,
             steps: None,
             slices: None,
+            stacks: compiler::ir::Stacks::View,
             splats: None,
             samples: None,
             max_work: 4096,

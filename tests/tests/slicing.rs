@@ -1,7 +1,7 @@
 //! What slicing promises beyond what every backend does: blending in f32, any camera, and a clear word where it cannot draw.
 
 use compiler::Options;
-use compiler::ir::{Aa, Backend, Scattering};
+use compiler::ir::{Aa, Backend, Scattering, Stacks};
 use compiler::program::print_plan;
 use runtime::engine::gpu::AdapterChoice;
 use runtime::frame::{Cause, EngineChoice, FileLoader, Session, Settings};
@@ -10,6 +10,10 @@ use tyndall_tests::{codes_of, draw, draw_text, open_text};
 
 fn sliced() -> Options {
     Options { backend: Some(Backend::Slicing), aa: Some(Aa::None), ..Options::default() }
+}
+
+fn along_axes() -> Options {
+    Options { stacks: Some(Stacks::Object), ..sliced() }
 }
 
 /// Slabs of opacity 1e-4 by the thousand: in 8 bits nothing would be left of them, in 16 bits two hundredths would be lost.
@@ -50,16 +54,23 @@ fn as_marched(camera: &str) {
     agree(&format!("{BLOB}{camera}"), camera);
 }
 
+fn worst(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max)
+}
+
 fn agree(text: &str, camera: &str) {
     let accuracy = Some(1e-3);
-    let Some((light, clear)) = draw_text(text, Options { accuracy, ..sliced() }) else { return };
     let marched = Options { accuracy, backend: Some(Backend::Raymarch), ..sliced() };
-    let (other_light, other_clear) = draw_text(text, marched).expect("there is an adapter");
-    let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-    let (off, off_clear) = (worst(&light, &other_light), worst(&clear, &other_clear));
-    assert!(off <= 2e-3 && off_clear <= 2e-3, "{camera}: {off} and {off_clear}");
-    let dark = clear.iter().copied().fold(1.0, f32::min);
-    assert!(dark < 0.9, "{camera}: something is seen, {dark}");
+    let Some((other_light, other_clear)) = draw_text(text, marched) else { return };
+    for stacks in [Stacks::View, Stacks::Object] {
+        let options = Options { accuracy, stacks: Some(stacks), ..sliced() };
+        let (light, clear) = draw_text(text, options).expect("there is an adapter");
+        let (off, off_clear) = (worst(&light, &other_light), worst(&clear, &other_clear));
+        assert!(off <= 2e-3 && off_clear <= 2e-3, "{camera} {stacks:?}: {off} and {off_clear}");
+        let dark = clear.iter().copied().fold(1.0, f32::min);
+        assert!(dark < 0.9, "{camera}: something is seen, {dark}");
+    }
 }
 
 #[test]
@@ -67,6 +78,9 @@ fn perspectives_near_far_and_inside() {
     as_marched("camera { from = (0.4, 0.3, -3) m  to = (0,0,0) m  fov = 60 deg }");
     as_marched("camera { from = (-0.3, -0.2, 0.1) m  to = (-1, 0, 0) m  fov = 100 deg }");
     as_marched("camera { from = (1e6, 2e5, 3e5) m  to = (0,0,0) m  fov = 0.0002 deg }");
+    // So wide that some rays meet planes across an axis from behind, and one nearly goes along them.
+    as_marched("camera { from = (-0.2, 0.1, -1.1) m  to = (0.75, 0, 0) m  fov = 110 deg }");
+    as_marched("camera { from = (0.05, -0.2, 0.15) m  to = (-1, -0.9, -0.8) m  fov = 120 deg }");
     // Grazing: along a face of the box that is taken away.
     as_marched("camera { from = (0, 0.5, -3) m  to = (0, 0.5, 0) m  fov = 45 deg }");
 }
@@ -133,7 +147,6 @@ fn slabs_end_where_fields_jump() {
         let cut = format!("medium thing {{ shape = {whole}  density = {density}  {} }} {rest}", coefficients(k));
         let Some((light, clear)) = draw_text(&exact, sliced()) else { return };
         let (cut_light, cut_clear) = draw_text(&cut, sliced()).expect("there is an adapter");
-        let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
         let off = worst(&light, &cut_light).max(worst(&clear, &cut_clear));
         // A silhouette that is grazed, rounded.
         let allowed = if k > 1.0 { 5e-3 } else { 1e-5 };
@@ -192,4 +205,78 @@ fn what_f16_rounds_is_reported() {
         assert!(half.errors.len() == 24 * 18 && worst <= 1.0, "{scene}: {worst}");
         assert!(rounded, "f16 shows");
     }
+}
+
+/// Stacks across the axes of a box that is turned: what has a closed form is exact with one slab, along rays on and off the axis.
+#[test]
+fn stacks_across_axes_know_the_length_of_a_ray_in_a_slab() {
+    let text = "
+        medium brick {
+            shape = box(min: (-0.8, -0.5, -0.3) m, max: (0.8, 0.5, 0.3) m)
+            k_a = rgb(1, 2, 0.5) / m
+            k_e = 2 lx / m
+            transform = rotate(axis: (1, 2, 3), angle: 50 deg)
+        }
+        camera { from = (1, 0.7, -1.2) m  to = (0,0,0) m  fov = 80 deg }
+        image { size = 24 x 18  aa = none  background = #203040 }
+        render { backend = slicing  stacks = object }";
+    let Some((light, clear)) = draw_text(text, sliced()) else { return };
+    let (exact, exact_clear) =
+        draw_text(text, Options { backend: Some(Backend::Raymarch), ..sliced() }).expect("as before");
+    for slices in [1, 7, 64] {
+        let (light, clear) = draw_text(text, Options { slices: Some(slices), ..sliced() }).expect("as before");
+        let off = worst(&light, &exact).max(worst(&clear, &exact_clear));
+        assert!(off < 1e-5, "{slices} slabs: {off}");
+    }
+    assert!(worst(&light, &exact).max(worst(&clear, &exact_clear)) < 1e-5);
+}
+
+const WAVES: &str = "
+    medium waves {
+        shape = box(min: (-1, -1, -1) m, max: (1, 1, 1) m)
+        k_a = rgb(1, 2, 0.5) / m * (1 + 0.8 * sin(5 * p.x / 1 m) * cos(4 * p.y / 1 m + 3 * p.z / 1 m))
+        k_e = 2 lx / m * (1 + 0.5 * sin(3 * (p.x + p.z) / 1 m))
+    }
+    image { size = 16 x 12  aa = none  background = #203040 }
+";
+
+/// Root mean square and largest difference.
+fn apart(a: &[f32], b: &[f32]) -> (f64, f64) {
+    let squares: f64 = a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum();
+    ((squares / a.len() as f64).sqrt(), f64::from(worst(a, b)))
+}
+
+/// Both ways to cut are of second order, and so is the jump when the view passes from one axis to another: it is what both
+/// pictures are wrong by.
+#[test]
+fn stacks_across_axes_are_of_second_order_and_so_is_their_switch() {
+    let camera = |x: f64| format!("{WAVES}camera {{ from = ({x}, 0.6, -3) m  to = (0,0,0) m  fov = 50 deg }}");
+    let draw = |text: &str, options: Options| draw_text(text, options);
+    let slices = [24u32, 48, 96];
+    let fine = Options { accuracy: Some(1e-6), backend: Some(Backend::Raymarch), ..sliced() };
+    let Some((exact, _)) = draw(&camera(0.9), fine) else { return };
+    let cut = |text: &str, n: u32, options: Options| {
+        draw(text, Options { slices: Some(n), ..options }).expect("there is an adapter").0
+    };
+    for options in [sliced(), along_axes()] {
+        let errors: Vec<f64> =
+            slices.iter().map(|n| apart(&cut(&camera(0.9), *n, options.clone()), &exact).0).collect();
+        let slope = (errors[2] / errors[0]).log2() / 2.0;
+        println!("{:?}: {errors:?}, slope {slope:.2}", options.stacks);
+        assert!((-2.25..-1.75).contains(&slope), "{:?}: {errors:?}", options.stacks);
+    }
+    // The axes tie where the eye is as far to the side as it is in front.
+    let sides = [3.0 - 1e-5, 3.0 + 1e-5].map(camera);
+    let jumps: Vec<f64> = slices
+        .iter()
+        .map(|n| {
+            let [a, b] = [0, 1].map(|i| cut(&sides[i], *n, along_axes()));
+            let [c, d] = [0, 1].map(|i| cut(&sides[i], *n, sliced()));
+            assert!(apart(&c, &d).1 < 1e-4, "planes across the view turn with it");
+            apart(&a, &b).1
+        })
+        .collect();
+    println!("largest jump where the stack switches: {jumps:?}");
+    let slope = (jumps[2] / jumps[0]).log2() / 2.0;
+    assert!(jumps[0] > 1e-3 && (-2.4..-1.6).contains(&slope), "{jumps:?}");
 }

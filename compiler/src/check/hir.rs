@@ -2,7 +2,7 @@
 //! sugar expanded, values in SI. Lowering turns it into a field graph and meets no user error that could be known here.
 
 use crate::ir::{
-    Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Scattering, SplatBlend, SplatsId, Tonemap,
+    Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Scattering, SplatBlend, SplatsId, Stacks, Tonemap,
 };
 use crate::loader::{GridHeader, MeshHeader, SplatsHeader};
 use crate::source::Span;
@@ -552,6 +552,8 @@ pub struct Render {
     pub steps: Option<u32>,
     /// Overrides of `accuracy`.
     pub slices: Option<u32>,
+    /// Which planes they lie between.
+    pub stacks: Stacks,
     /// Overrides of `accuracy`.
     pub splats: Option<u32>,
     /// Overrides of `accuracy`.

@@ -54,6 +54,7 @@ impl KernelBuilder {
             FrameValue::PixelScale => ("pixel_scale", 1, false),
             FrameValue::Repeat => ("repeat", 1, true),
             FrameValue::SlabStart => ("slab_start", 1, false),
+            FrameValue::SlabNormal => ("slab_normal", 3, false),
             FrameValue::SlabStep => ("slab_step", 1, false),
             FrameValue::SlabCount => ("slab_count", 1, true),
             FrameValue::BoundsLow => ("bounds_low", 3, false),

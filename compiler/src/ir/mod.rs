@@ -39,7 +39,7 @@ pub use light::{Light, LightKind, MeshId, MeshInfo, Surface, SurfaceShape};
 pub use print::print;
 pub use scene::{
     Aa, Affine, Backend, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType, Primitive, PrimitiveKind,
-    Projection, RenderInfo, Scattering, Shape, Tonemap, Units,
+    Projection, RenderInfo, Scattering, Shape, Stacks, Tonemap, Units,
 };
 pub use schedule::{Step, free_variables, schedule, schedule_with};
 pub use splats::{Placement, SplatBlend, SplatsId, SplatsInfo};

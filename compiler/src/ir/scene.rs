@@ -227,6 +227,16 @@ pub enum Composite {
     Isosurface(NodeId),
 }
 
+/// Which planes slicing cuts media with.
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Stacks {
+    /// Across the view.
+    #[default]
+    View,
+    /// Across the axis of the first medium's box that the view is most nearly along.
+    Object,
+}
+
 /// The schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderInfo {
@@ -242,6 +252,8 @@ pub struct RenderInfo {
     pub steps: Option<u32>,
     /// Overrides of `accuracy`.
     pub slices: Option<u32>,
+    /// Which planes they lie between.
+    pub stacks: Stacks,
     /// Overrides of `accuracy`.
     pub splats: Option<u32>,
     /// Overrides of `accuracy`.

@@ -84,6 +84,7 @@ impl<'s> Lowerer<'s, '_> {
                 accuracy: render.accuracy,
                 steps: render.steps,
                 slices: render.slices,
+                stacks: render.stacks,
                 splats: render.splats,
                 samples: render.samples,
                 max_work: render.max_work,

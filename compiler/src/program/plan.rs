@@ -194,6 +194,8 @@ pub enum FrameValue {
     Repeat,
     /// f32: distance of the first slab's near plane from the anchor, along forward
     SlabStart,
+    /// vec3: across the planes of slabs, away from the eye, where they stand across an axis of the media
+    SlabNormal,
     /// f32: thickness of a slab
     SlabStep,
     /// u32: how many slabs there are
@@ -304,7 +306,7 @@ pub enum Binding {
     /// The same, only read.
     NotesRead,
     /// Outlines of slabs: array of f32, three per vertex of a list of triangles: x and y in pixels of the picture, and the number
-    /// of the slab. The farthest slab comes first.
+    /// of the slab. The farthest slab comes first; then, with [`AGAINST`] added, the nearest.
     Outlines,
     /// Coefficients of the splats at the nodes of the lattice, and what they may be wrong by: array of f32. Written to.
     Splats,
@@ -526,6 +528,9 @@ pub enum Geometry {
     /// Six corners for each entry of [`Binding::Order`], which is the instance.
     Billboards,
 }
+
+/// What is added to the number of a slab in an outline that is for rays which meet the planes from behind.
+pub const AGAINST: u32 = 65536;
 
 /// What a billboard cuts off of a Gaussian's share of an optical depth: e^(−R²/2) for a reach of R = 4.5 deviations.
 pub const SPLAT_CUT: f64 = 4.0e-5;

@@ -4,12 +4,15 @@ use super::records::{self, Pixel};
 use super::slab::Pieces;
 use super::{Scene, edges, rays};
 use crate::fields::{Code, KernelBuilder};
-use crate::ir::FieldScene;
+use crate::ir::{FieldScene, Stacks};
 use crate::program::kernel::{BinaryOp, Expr, Function, Prim, Ty};
 use crate::program::{FrameValue, RaySource};
 
 /// f32 of a ray's note.
 pub(crate) const NOTES: u32 = 12;
+
+/// Least cosine between a ray and what it crosses planes along.
+const LEAST_FACING: f64 = 1e-6;
 
 /// The rays through a pixel, one after another.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
@@ -46,7 +49,7 @@ impl Rays {
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Aimed {
     /// Where it meets the planes of slabs.
-    Planes,
+    Planes(Stacks),
     /// Which point of the picture it goes through.
     Point,
 }
@@ -155,7 +158,18 @@ fn camera(
     let ray = camera.ray(&mut code, "ray", at_x.clone(), at_y.clone());
     let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
     let (first, step) = match aimed {
-        Aimed::Planes => {
+        Aimed::Planes(Stacks::Object) => {
+            let normal = code.bind("normal", Ty::VEC3, builder.frame(FrameValue::SlabNormal));
+            let off = ray.origin.clone() - builder.frame(FrameValue::CameraAnchor);
+            let start = builder.frame(FrameValue::SlabStart) - off.dot(normal.clone());
+            // A ray along the planes stays between two of them; one that goes against them meets them the other way round.
+            let facing = code.bind("along_normal", Ty::F32, ray.direction.clone().dot(normal));
+            let least = facing.clone().less(0.0).select(-LEAST_FACING, LEAST_FACING);
+            let facing = facing.clone().abs().less(LEAST_FACING).select(least, facing);
+            let facing = code.bind("facing", Ty::F32, facing);
+            (start / facing.clone(), builder.frame(FrameValue::SlabStep) / facing)
+        }
+        Aimed::Planes(Stacks::View) => {
             // Planes are counted from the anchor, where the ray's parameter is 0: thicker along rays off the axis.
             let facing = ray.direction.clone().dot(builder.frame(FrameValue::CameraForward));
             let facing = code.bind("facing", Ty::F32, facing);
@@ -175,7 +189,7 @@ fn list(builder: &mut KernelBuilder, pieces: &Pieces, aimed: Aimed) -> Function 
     let ray = rays::list(builder, &mut code, &index);
     let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
     let (first, step) = match aimed {
-        Aimed::Planes => {
+        Aimed::Planes(_) => {
             let low = builder.frame(FrameValue::BoundsLow);
             let high = builder.frame(FrameValue::BoundsHigh);
             let arguments = vec![ray.origin.clone(), ray.direction.clone(), low, high];

@@ -1,7 +1,9 @@
-//! Slabs across the view, and their outlines in the picture: what slicing draws.
+//! Slabs across the view or across an axis of the media, and their outlines in the picture: what slicing draws.
 
-use super::vector::{add, dot, scale, sub};
+use super::vector::{add, cross, dot, normalize, scale, sub};
 use super::{Camera, Eye, Vec3, View};
+use compiler::ir::Stacks;
+use compiler::program::AGAINST;
 
 /// Pixels by which outlines are wider than what they hold: rays go through any point of a pixel, and rounding must not cut.
 const MARGIN: f64 = 1.5;
@@ -11,7 +13,9 @@ const FARTHEST: f64 = 1e6;
 /// Slabs between planes across the view. Lengths are in the scene's units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Slabs {
-    /// Distance of the first plane from the eye's anchor, along forward.
+    /// Across the planes, a unit vector on the far side of them.
+    pub normal: Vec3,
+    /// Distance of the first plane from the eye's anchor, along the normal.
     pub start: f64,
     /// Distance from plane to plane.
     pub step: f64,
@@ -32,30 +36,41 @@ fn edges() -> impl Iterator<Item = (usize, usize)> {
 impl Slabs {
     /// `count` slabs across the boxes, as a camera sees them.
     #[must_use]
-    pub fn of_view(boxes: &[[Vec3; 8]], eye: &Eye, camera: &Camera, count: u32) -> Self {
-        let depth = |p: &Vec3| dot(sub(*p, eye.anchor), eye.forward);
-        let depths = || boxes.iter().flatten().map(depth);
-        // Nothing is seen behind the eye.
-        let near = depths().fold(f64::INFINITY, f64::min).max(-eye.plane);
+    pub fn of_view(boxes: &[[Vec3; 8]], eye: &Eye, camera: &Camera, (stacks, count): (Stacks, u32)) -> Self {
+        let normal = match stacks {
+            Stacks::View => eye.forward,
+            Stacks::Object => axis(boxes, eye.forward),
+        };
+        let depths = || boxes.iter().flatten().map(|p| dot(sub(*p, eye.anchor), normal));
+        // Nothing is seen behind the eye; planes across the media stay where they are.
+        let nearest = match stacks {
+            Stacks::View => -eye.plane,
+            Stacks::Object => f64::NEG_INFINITY,
+        };
+        let near = depths().fold(f64::INFINITY, f64::min).max(nearest);
         let far = depths().fold(f64::NEG_INFINITY, f64::max);
         let bounds = bounds(boxes);
         if far <= near || count == 0 || camera.size.contains(&0) {
-            return Self { start: 0.0, step: 1.0, count, bounds, outlines: vec![] };
+            return Self { normal, start: 0.0, step: 1.0, count, bounds, outlines: vec![] };
         }
         // A little more, so that rounding leaves nothing outside.
         let slack = 1e-6 * (far - near);
-        let start = (near - slack).max(-eye.plane);
+        let start = (near - slack).max(nearest);
         let step = (far + slack - start) / f64::from(count);
         let mut outlines = vec![];
-        for slab in (0..count).rev() {
+        let mut draw = |slab: u32, turn: u32| {
             let low = start + f64::from(slab) * step;
-            let outline = outline(boxes, (low, low + step), eye, camera);
-            let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, slab as f32];
+            let outline = outline(boxes, normal, (low, low + step), eye, camera);
+            let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, (slab + turn) as f32];
             for pair in outline.windows(2).skip(1) {
                 outlines.extend([corner(outline[0]), corner(pair[0]), corner(pair[1])]);
             }
+        };
+        (0..count).rev().for_each(|slab| draw(slab, 0));
+        if meets_from_behind(normal, eye, camera) {
+            (0..count).for_each(|slab| draw(slab, AGAINST));
         }
-        Self { start, step, count, bounds, outlines }
+        Self { normal, start, step, count, bounds, outlines }
     }
 
     /// `count` parts of each ray of a list within the boxes. The list is drawn as a picture one pixel high.
@@ -71,7 +86,29 @@ impl Slabs {
         let [low, high] = bounds(boxes);
         let slack: Vec3 = std::array::from_fn(|k| 1e-6 * (high[k] - low[k]));
         let bounds = [sub(low, slack), add(high, slack)];
-        Self { start: 0.0, step: 1.0, count, bounds, outlines }
+        Self { normal: [0.0; 3], start: 0.0, step: 1.0, count, bounds, outlines }
+    }
+}
+
+/// Of the directions across the faces of the first box that one which is most nearly along the view, pointing away from the eye.
+fn axis(boxes: &[[Vec3; 8]], forward: Vec3) -> Vec3 {
+    let Some(corners) = boxes.first() else { return forward };
+    let edge = |k: usize| sub(corners[1 << k], corners[0]);
+    let across = (0..3).filter_map(|k| normalize(cross(edge((k + 1) % 3), edge((k + 2) % 3))));
+    let best = across.max_by(|a, b| dot(*a, forward).abs().total_cmp(&dot(*b, forward).abs()));
+    best.map_or(forward, |n| if dot(n, forward) < 0.0 { scale(n, -1.0) } else { n })
+}
+
+/// Whether some ray of the picture goes against the normal of the planes, or along them.
+fn meets_from_behind(normal: Vec3, eye: &Eye, camera: &Camera) -> bool {
+    let [width, height] = camera.size.map(f64::from);
+    let aspect = width / height;
+    match camera.view {
+        View::Orthographic { .. } => false,
+        View::Perspective { .. } | View::Panorama => [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
+            .iter()
+            .map(|[u, v]| add(eye.forward, add(scale(eye.right, u * aspect), scale(eye.up, *v))))
+            .any(|direction| dot(direction, normal) <= 1e-6),
     }
 }
 
@@ -87,10 +124,10 @@ fn bounds(boxes: &[[Vec3; 8]]) -> [Vec3; 2] {
 }
 
 /// A convex polygon around all that the picture shows of the boxes between two depths, in pixels.
-fn outline(boxes: &[[Vec3; 8]], (low, high): (f64, f64), eye: &Eye, camera: &Camera) -> Vec<[f64; 2]> {
+fn outline(boxes: &[[Vec3; 8]], normal: Vec3, (low, high): (f64, f64), eye: &Eye, camera: &Camera) -> Vec<[f64; 2]> {
     let [width, height] = camera.size.map(f64::from);
     let everything = || vec![[-1.0, -1.0], [width + 1.0, -1.0], [width + 1.0, height + 1.0], [-1.0, height + 1.0]];
-    let depth = |p: &Vec3| dot(sub(*p, eye.anchor), eye.forward);
+    let depth = |p: &Vec3| dot(sub(*p, eye.anchor), normal);
     let mut points: Vec<[f64; 2]> = vec![];
     for corners in boxes {
         let mut held: Vec<Vec3> = corners.iter().copied().filter(|p| (low..=high).contains(&depth(p))).collect();
@@ -103,13 +140,17 @@ fn outline(boxes: &[[Vec3; 8]], (low, high): (f64, f64), eye: &Eye, camera: &Cam
                 }
             }
         }
+        let size = |p: &Vec3| match camera.view {
+            View::Perspective { .. } => dot(sub(*p, eye.anchor), eye.forward) + eye.plane,
+            View::Orthographic { .. } => 1.0,
+            View::Panorama => 0.0,
+        };
+        // All of it behind the eye.
+        if camera.view != View::Panorama && held.iter().all(|p| size(p) <= 0.0) {
+            continue;
+        }
         for p in held {
-            let q = sub(p, eye.anchor);
-            let size = match camera.view {
-                View::Perspective { .. } => dot(q, eye.forward) + eye.plane,
-                View::Orthographic { .. } => 1.0,
-                View::Panorama => return everything(),
-            };
+            let (q, size) = (sub(p, eye.anchor), size(&p));
             let along = |axis: &Vec3| dot(q, *axis) / (dot(*axis, *axis) * size);
             let x = (along(&eye.right) * height + width) / 2.0;
             let y = (1.0 - along(&eye.up)) * height / 2.0;
@@ -181,7 +222,7 @@ mod tests {
         ] {
             let camera = camera(from, view);
             let eye = Eye::new(&camera, Some(crate::frame::Ball { center: [0.0; 3], radius: 1.8 }));
-            let slabs = Slabs::of_view(&[cube(-1.0, 1.0)], &eye, &camera, 7);
+            let slabs = Slabs::of_view(&[cube(-1.0, 1.0)], &eye, &camera, (Stacks::View, 7));
             assert_eq!(slabs.count, 7);
             for j in 0..48 {
                 for i in 0..64 {
@@ -204,7 +245,7 @@ mod tests {
     fn slabs_are_ordered_from_far_to_near_and_tile_the_boxes() {
         let camera = camera([0.0, 0.0, -4.0], View::Perspective { tangent: 0.4 });
         let eye = Eye::new(&camera, None);
-        let slabs = Slabs::of_view(&[cube(-1.0, 0.0), cube(0.5, 1.0)], &eye, &camera, 16);
+        let slabs = Slabs::of_view(&[cube(-1.0, 0.0), cube(0.5, 1.0)], &eye, &camera, (Stacks::View, 16));
         let order: Vec<f32> = slabs.outlines.iter().map(|v| v[2]).collect();
         assert!(order.windows(2).all(|w| w[0] >= w[1]) && order[0] == 15.0 && order.last() == Some(&0.0));
         assert!((slabs.start - 3.0).abs() < 1e-5 && (slabs.start + 16.0 * slabs.step - 5.0).abs() < 1e-5);
@@ -216,6 +257,6 @@ mod tests {
     fn nothing_is_drawn_of_what_lies_behind_the_eye() {
         let camera = camera([0.0, 0.0, 4.0], View::Perspective { tangent: 0.4 });
         let eye = Eye::new(&camera, None);
-        assert!(Slabs::of_view(&[cube(-1.0, 1.0)], &eye, &camera, 8).outlines.is_empty());
+        assert!(Slabs::of_view(&[cube(-1.0, 1.0)], &eye, &camera, (Stacks::View, 8)).outlines.is_empty());
     }
 }

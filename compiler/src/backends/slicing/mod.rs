@@ -1,5 +1,5 @@
-//! Slicing: planes across the view cut the media into slabs, which are drawn as polygons and blended, farthest first
-//! (Cullip & Neumann 1993; Wilson et al. 1994). What a slab sends and lets through comes from its middle, with the exact
+//! Slicing: planes across the view, or across an axis of the media, cut them into slabs, which are drawn as polygons and
+//! blended, farthest first (Cullip & Neumann 1993; Wilson et al. 1994; three stacks: Rezk-Salama et al. 2000). What a slab sends and lets through comes from its middle, with the exact
 //! exponential over the length that the ray has in it, which grows off the axis of a perspective.
 //!
 //! Three passes for each tile: `aim` finds the ray of each pixel, where it ends, and where it meets the planes; `outline`
@@ -11,7 +11,7 @@ mod slice;
 use crate::Options;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
-use crate::ir::{Composite, FieldScene, Projection};
+use crate::ir::{Composite, FieldScene, Projection, Stacks};
 use crate::program::kernel::{Kernel, Stage};
 use crate::program::{FrameValue, Geometry, Ledger, OutputKind, Pass, Plan, Precision, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
@@ -61,8 +61,13 @@ pub(super) fn build(
     let edge = divided && options.outputs.contains(&OutputKind::Edge);
     let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
     let layers = Layers::new(&slabs, precision);
-    let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, (rays, Aimed::Planes));
-    let (outline, slice) = slice::entries(&mut builder, &slabs, &layers);
+    let stacks = match options.rays {
+        RaySource::Camera => scene.render.stacks,
+        // Rays of a list have no common planes.
+        RaySource::List => Stacks::View,
+    };
+    let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, (rays, Aimed::Planes(stacks)));
+    let (outline, slice) = slice::entries(&mut builder, &slabs, &layers, stacks);
     let resolve = resolve::entry(
         &mut builder,
         &slabs,

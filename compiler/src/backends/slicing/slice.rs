@@ -1,18 +1,25 @@
 //! `outline` and `slice`: the polygons of slabs, and what a slab sends and lets through at a pixel.
 
 use crate::fields::{Code, KernelBuilder};
+use crate::ir::Stacks;
+use crate::program::AGAINST;
 use crate::program::FrameValue;
-use crate::program::kernel::{Carries, Expr, Function, Prim, Ty};
+use crate::program::kernel::{BinaryOp, Carries, Expr, Function, Prim, Ty};
 use crate::transport::aim::Note;
 use crate::transport::layers::Layers;
 use crate::transport::slab::Pieces;
 
 /// The entry points of corners and of pixels.
-pub(super) fn entries(builder: &mut KernelBuilder, slabs: &Pieces, layers: &Layers) -> (Function, Function) {
+pub(super) fn entries(
+    builder: &mut KernelBuilder,
+    slabs: &Pieces,
+    layers: &Layers,
+    stacks: Stacks,
+) -> (Function, Function) {
     let fields = vec![("position".to_owned(), Ty::float(4)), ("slab".to_owned(), Ty::U32)];
     let corner = builder.add_carrier("Corner", Carries::Varyings, fields);
     let colors = layers.colors(builder);
-    (outline(builder, corner), slice(builder, slabs, layers, (corner, colors)))
+    (outline(builder, corner), slice(builder, slabs, layers, (corner, colors), stacks))
 }
 
 fn outline(builder: &mut KernelBuilder, corner: Ty) -> Function {
@@ -33,7 +40,13 @@ fn outline(builder: &mut KernelBuilder, corner: Ty) -> Function {
     code.finish(Some(corner))
 }
 
-fn slice(builder: &mut KernelBuilder, slabs: &Pieces, layers: &Layers, (corner, colors): (Ty, Ty)) -> Function {
+fn slice(
+    builder: &mut KernelBuilder,
+    slabs: &Pieces,
+    layers: &Layers,
+    (corner, colors): (Ty, Ty),
+    stacks: Stacks,
+) -> Function {
     let mut code = Code::new("slice", None);
     let corner = code.parameter("corner", corner);
     let place = corner.clone().field(0);
@@ -41,12 +54,32 @@ fn slice(builder: &mut KernelBuilder, slabs: &Pieces, layers: &Layers, (corner, 
     let row = place.clone().component(1).convert(Prim::U32);
     let record = code.bind("record", Ty::U32, row * width + place.component(0).convert(Prim::U32));
     let note = Note::read(builder, &mut code, &record);
-    let number = code.bind("number", Ty::F32, corner.field(1).convert(Prim::F32));
+    let number = match stacks {
+        Stacks::View => corner.clone().field(1),
+        Stacks::Object => Expr::binary(BinaryOp::BitAnd, corner.clone().field(1), AGAINST - 1),
+    };
+    let number = code.bind("number", Ty::F32, number.convert(Prim::F32));
     // Neighbours compute the plane between them alike, so that nothing is left out or counted twice.
     let plane = |n: Expr| note.first.clone() + n * note.step.clone();
-    let from = code.bind("from", Ty::F32, plane(number.clone()).max(note.start.clone()));
-    let to = code.bind("to", Ty::F32, plane(number.clone() + 1.0).min(note.end.clone()));
+    let ends = [plane(number.clone()), plane(number.clone() + 1.0)];
+    let [near, far] = match stacks {
+        Stacks::View => ends,
+        Stacks::Object => {
+            let [a, b] = ends.map(|end| code.bind("plane", Ty::F32, end));
+            [a.clone().min(b.clone()), a.max(b)]
+        }
+    };
+    let from = code.bind("from", Ty::F32, near.max(note.start.clone()));
+    let to = code.bind("to", Ty::F32, far.min(note.end.clone()));
     let there = to.clone().greater(from.clone()).and(note.weight.clone().greater(0.0));
+    let there = match stacks {
+        Stacks::View => there,
+        Stacks::Object => {
+            // The farthest comes first along some rays, the nearest along others: each has its turn.
+            let against = corner.field(1).greater_equal(AGAINST);
+            there.and(Expr::binary(BinaryOp::Equal, against, note.step.clone().less(0.0)))
+        }
+    };
     let vars = layers.clear(&mut code);
     code.open();
     let arguments = vec![note.origin, note.direction, from, to];

@@ -22,7 +22,7 @@ mod veil;
 use crate::Options;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::fields::KernelBuilder;
-use crate::ir::{Composite, FieldScene, Projection};
+use crate::ir::{Composite, FieldScene, Projection, Stacks};
 use crate::program::kernel::{Kernel, Stage};
 use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, Precision, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
@@ -61,7 +61,7 @@ pub(super) fn build(
     let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
     let doubt = doubt::entry(scene, &mut builder, &pieces, options.rays);
     let rank = splat::rank(scene, &mut builder, &pieces, options.rays);
-    let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes));
+    let aim = aim::entry(scene, &mut builder, &seen, &pieces, options.rays, (rays, Aimed::Planes(Stacks::View)));
     let (corner, splat) = splat::entries(scene, &mut builder, &pieces, &layers, options.rays);
     let resolve = resolve::entry(&mut builder, &pieces, &layers, (options.rays, rays, false), (stride, None));
     let (extent, group) = records::extent(options.rays);

@@ -413,6 +413,7 @@ pub(super) fn static_name(name: &str) -> &'static str {
         "accuracy",
         "steps",
         "slices",
+        "stacks",
         "splats",
         "samples",
         "max_work",

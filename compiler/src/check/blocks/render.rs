@@ -5,12 +5,12 @@ use crate::check::hir::{Composite, Dim, Render};
 use crate::check::scope::Inputs;
 use crate::check::types::Ty;
 use crate::diagnostic::Diagnostic;
-use crate::ir::{Backend, Scattering};
+use crate::ir::{Backend, Scattering, Stacks};
 use crate::resolve::ModuleId;
 use crate::syntax::ast::{self, Block, ExprKind, Property};
 
 const PROPERTIES: &[&str] =
-    &["backend", "scattering", "composite", "accuracy", "steps", "slices", "splats", "samples", "max_work"];
+    &["backend", "scattering", "composite", "accuracy", "steps", "slices", "stacks", "splats", "samples", "max_work"];
 
 impl Checker<'_> {
     pub(super) fn render(&mut self, found: Option<(&ast::Item, &Block)>) -> Render {
@@ -23,6 +23,7 @@ impl Checker<'_> {
             accuracy: 1e-2,
             steps: None,
             slices: None,
+            stacks: Stacks::View,
             splats: None,
             samples: None,
             max_work: 65536,
@@ -60,6 +61,10 @@ impl Checker<'_> {
         render.samples = count("samples", u32::MAX);
         if let Some(cap) = count("max_work", u32::MAX) {
             render.max_work = cap;
+        }
+        let stacks = [("view", Stacks::View), ("object", Stacks::Object)];
+        if let Some(stacks) = properties.take("stacks").and_then(|p| self.word(p, "render", &stacks)) {
+            render.stacks = stacks;
         }
         render
     }

@@ -55,6 +55,7 @@ fn scene(graph: Graph) -> FieldScene {
             accuracy: 1e-2,
             steps: None,
             slices: None,
+            stacks: compiler::ir::Stacks::View,
             splats: None,
             samples: None,
             max_work: 1,

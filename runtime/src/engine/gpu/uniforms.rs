@@ -130,6 +130,7 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::CacheSize => frame.lattice_of_columns().1.to_vec(),
         FrameValue::PixelScale => vec![f64::from(frame.size[1]) / 2.0],
         FrameValue::SlabStart => vec![frame.slabs.start],
+        FrameValue::SlabNormal => frame.slabs.normal.to_vec(),
         FrameValue::SlabStep => vec![frame.slabs.step],
         FrameValue::SlabCount => vec![f64::from(frame.slabs.count)],
         FrameValue::BoundsLow => frame.slabs.bounds[0].to_vec(),
@@ -174,6 +175,7 @@ fn of_part(value: FrameValue, part: Part, (repeat, round): (u32, u32)) -> Vec<f6
         | FrameValue::CacheSize
         | FrameValue::PixelScale
         | FrameValue::SlabStart
+        | FrameValue::SlabNormal
         | FrameValue::SlabStep
         | FrameValue::SlabCount
         | FrameValue::BoundsLow

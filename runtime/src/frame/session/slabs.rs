@@ -53,7 +53,8 @@ impl Session {
         let eye = Eye::new(camera, bounds);
         let frame = |session: &Self, count: u32| {
             let mut frame = session.frame(params, time, Some(camera), bounds);
-            frame.slabs = Slabs::of_view(&boxes, &eye, camera, count);
+            let stacks = session.program.lowered.render.stacks;
+            frame.slabs = Slabs::of_view(&boxes, &eye, camera, (stacks, count));
             (frame, Pieces { count, size: 1.0 / f64::from(count) })
         };
         let Refined { canvas, timing, pieces, .. } = self.refine(self.slabs(), progress, &frame)?;

@@ -231,6 +231,7 @@ impl Build {
                 accuracy: 1e-2,
                 steps: None,
                 slices: None,
+                stacks: compiler::ir::Stacks::View,
                 splats: None,
                 samples: None,
                 max_work: 65536,
