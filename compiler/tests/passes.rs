@@ -126,6 +126,7 @@ fn random_scene(bytes: &[u8]) -> FieldScene {
             accuracy: 1e-2,
             steps: None,
             slices: None,
+            stacks: compiler::ir::Stacks::View,
             splats: None,
             samples: None,
             max_work: 65536,

@@ -226,6 +226,7 @@ pub(crate) fn scene() -> Scene {
             accuracy: 1e-2,
             steps: None,
             slices: None,
+            stacks: compiler::ir::Stacks::View,
             splats: None,
             samples: None,
             max_work: 65536,
