@@ -43,8 +43,9 @@ fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str)
 #[test]
 fn every_example_is_within_its_accuracy() {
     all_within_their_accuracy("examples", Backend::Raymarch, |name| match name {
+        "smoke" => 6,
         "nebula" | "brain_shaded" => 16,
-        "brain" | "cloud" | "street_lamps" => 32,
+        "brain" | "brain_sliced" | "cloud" | "street_lamps" => 32,
         _ => 48,
     });
 }

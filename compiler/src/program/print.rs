@@ -256,6 +256,16 @@ pub fn print_plan(program: &Program) -> String {
     if plan.repeats > 1 {
         let _ = writeln!(out, "    {} times, with another ray through each pixel", plan.repeats);
     }
+    let fading = plan.targets.iter().filter(|t| t.blend == Blend::Over).count();
+    if fading > 0 {
+        let how = match fading {
+            1 => "one transmittance for all bands, as the alpha of one target".to_owned(),
+            n => format!(
+                "a transmittance for each band, as the alphas of {n} targets in one pass; no dual-source blending"
+            ),
+        };
+        let _ = writeln!(out, "blended by {how}");
+    }
     for target in &plan.targets {
         let blend = match target.blend {
             Blend::Over => "over what is behind it",

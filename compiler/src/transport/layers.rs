@@ -39,8 +39,8 @@ impl Layers {
         // A target fades by one transmittance: bands that fade alike share one.
         for bands in all.chunks(if depth > 1 { 1 } else { 3 }) {
             let name = match (depth, bands) {
-                (0 | 1, [0, ..]) => "light".to_owned(),
-                (_, bands) => format!("light_{}", bands[0]),
+                (0 | 1, [0, ..]) => "radiance".to_owned(),
+                (_, bands) => format!("radiance_{}", bands[0]),
             };
             let channels = bands.iter().map(|b| (Part::Light, *b)).collect();
             layers.push(name, Blend::Over, channels);

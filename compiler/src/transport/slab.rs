@@ -30,7 +30,7 @@ impl Part {
     /// Its name in the shader.
     pub(crate) fn name(self) -> &'static str {
         match self {
-            Self::Light => "light",
+            Self::Light => "radiance",
             Self::Depth => "depth",
             Self::Error => "error",
             Self::Work => "work",
@@ -106,16 +106,16 @@ impl Tracer<'_> {
         }
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
         let all = [
-            (Part::Light, state.radiance, Ty::float(lw), "light"),
-            (Part::Depth, state.depth, Ty::float(dw), "depth"),
-            (Part::Error, state.error, Ty::F32, "error"),
-            (Part::Work, state.work, Ty::U32, "work"),
-            (Part::Fault, state.fault, Ty::U32, "fault"),
+            (Part::Light, state.radiance, Ty::float(lw), Part::Light.name()),
+            (Part::Depth, state.depth, Ty::float(dw), Part::Depth.name()),
+            (Part::Error, state.error, Ty::F32, Part::Error.name()),
+            (Part::Work, state.work, Ty::U32, Part::Work.name()),
+            (Part::Fault, state.fault, Ty::U32, Part::Fault.name()),
         ];
         let there: Vec<_> = all.into_iter().filter_map(|(part, var, ty, name)| Some((part, var?, ty, name))).collect();
         // A struct has a field: nothing at all sends no light.
         let (fields, values): (Vec<_>, Vec<_>) = if there.is_empty() {
-            (vec![("light".to_owned(), Ty::F32)], vec![Expr::F32(0.0)])
+            (vec![(Part::Light.name().to_owned(), Ty::F32)], vec![Expr::F32(0.0)])
         } else {
             there.iter().map(|(_, var, ty, name)| (((*name).to_owned(), *ty), Expr::Local(*var))).unzip()
         };

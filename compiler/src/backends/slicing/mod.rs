@@ -5,6 +5,8 @@
 //! Three passes for each tile: `aim` finds the ray of each pixel, where it ends, and where it meets the planes; `outline`
 //! and `slice` draw the slabs; `resolve` puts what lies behind the media behind them and writes records. Light is blended
 //! per band with the band's own transmittance, in f32; optical depths are summed and never multiplied up as transmittances.
+//! Each band fades in the alpha of a target of its own, all in one pass: blending from two sources takes one target at a time
+//! on every API beneath, so that depths, errors and faults would need a second pass that evaluates every field again.
 
 mod slice;
 
