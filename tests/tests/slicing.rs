@@ -280,3 +280,22 @@ fn stacks_across_axes_are_of_second_order_and_so_is_their_switch() {
     let slope = (jumps[2] / jumps[0]).log2() / 2.0;
     assert!(jumps[0] > 1e-3 && (-2.4..-1.6).contains(&slope), "{jumps:?}");
 }
+
+#[test]
+fn words_for_stacks_are_checked() {
+    let with = |property: &str| format!("{BLOB} render {{ backend = slicing  {property} }}");
+    let found = |property: &str| codes_of(&with(property), &Options::default());
+    assert!(found("stacks = object").is_empty() && found("stacks = view").is_empty());
+    assert_eq!(found("stacks = objects"), ["E0406"]);
+    assert_eq!(found("stack = object"), ["E0401"]);
+}
+
+/// Bands that fade differently have a target each; those that fade alike share one.
+#[test]
+fn plans_say_how_transmittances_are_blended() {
+    let plan = |text: &str| open_text(text, sliced()).map(|session| print_plan(session.program()));
+    let Some(each) = plan(BLOB) else { return };
+    assert!(each.contains("blended by a transmittance for each band, as the alphas of 3 targets"), "{each}");
+    let alike = plan(&BLOB.replace("rgb(1, 2, 0.5) / m", "1 / m")).expect("there is an adapter");
+    assert!(alike.contains("blended by one transmittance for all bands"), "{alike}");
+}
