@@ -3,7 +3,7 @@
 use super::errors::{GpuError, GpuErrorKind, Watch};
 use super::pipelines::CacheFile;
 use compiler::program::kernel::{Kernel, ResourceKind};
-use compiler::program::{Binding, MOST_BRICKS, Pass, Precision, Program, used_resources};
+use compiler::program::{Binding, MOST_BRICKS, Precision, Program, used_resources};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
