@@ -43,7 +43,7 @@ fn all_within_their_accuracy(folder: &str, backend: Backend, size: impl Fn(&str)
 #[test]
 fn every_example_is_within_its_accuracy() {
     all_within_their_accuracy("examples", Backend::Raymarch, |name| match name {
-        "smoke" => 6,
+        "smoke" => 8,
         "nebula" | "brain_shaded" => 16,
         "brain" | "brain_sliced" | "cloud" | "street_lamps" => 32,
         _ => 48,

@@ -1,5 +1,6 @@
 //! What can be said about the media of a scene before it is drawn: coefficients that go negative, media with nothing in them,
-//! that nothing is seen through, or far smaller than their shapes, and steps longer than what they should find.
+//! that nothing is seen through, or far smaller than their shapes, steps longer than what they should find, and differences that
+//! were rewritten since their digits cancel.
 //!
 //! Media are looked at along some rays, by the reference's evaluator at the default values of params; that a medium is empty is
 //! said only where intervals of its fields prove it.
@@ -13,7 +14,7 @@ use compiler::analysis::interval::Interval;
 use compiler::analysis::narrow::narrow;
 use compiler::analysis::range::Known;
 use compiler::diagnostic::{Diagnostic, Diagnostics};
-use compiler::ir::{FieldScene, Op};
+use compiler::ir::{Binary, FieldScene, Op, Unary};
 use compiler::program::Program;
 
 /// Half the rays through a medium are dimmed by e to this: nothing is seen through it.
@@ -49,7 +50,29 @@ pub fn findings(program: &Program, grids: Option<&Grids>) -> Diagnostics {
             overstepped(scene, &found, steps, &params, &mut out);
         }
     }
+    rewritten(scene, &mut out);
     out
+}
+
+/// Tells where 1 − eˣ and eˣ − 1 stand in the scene's own text: passes make `expm1` of them.
+fn rewritten(scene: &FieldScene, out: &mut Diagnostics) {
+    let graph = &scene.graph;
+    let live = graph.reachable(&scene.roots());
+    let own = |span: &compiler::source::Span| {
+        scene.media.iter().any(|m| m.span.is_some_and(|medium| medium.source == span.source))
+    };
+    for id in graph.ids().filter(|id| live[id.0 as usize]) {
+        let Op::Binary(Binary::Sub, a, b) = *graph.op(id) else { continue };
+        let exponential = |node| matches!(graph.op(node), Op::Unary(Unary::Exp, _));
+        let (written, computed) = match (graph.number(a), graph.number(b)) {
+            (Some(1.0), _) if exponential(b) => ("1 - exp(x)", "-expm1(x)"),
+            (_, Some(1.0)) if exponential(a) => ("exp(x) - 1", "expm1(x)"),
+            _ => continue,
+        };
+        let Some(span) = graph.origin(id).span.filter(own) else { continue };
+        let message = format!("`{written}` is computed as `{computed}`: its digits would cancel where x is near 0");
+        out.push(Diagnostic::remark("N0685", message).at(span, "here"));
+    }
 }
 
 fn about(scene: &FieldScene, found: &Survey, diagnostic: Diagnostic, label: &str) -> Diagnostic {

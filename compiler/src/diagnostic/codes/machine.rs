@@ -175,4 +175,13 @@ With a fixed number of `steps` (or `--steps`) a ray looks at as many places and 
 that is narrower than a step is met by chance, which looks like rings or noise. With `accuracy` steps end before what is narrow.
 ",
     },
+    CodeInfo {
+        code: "N0685",
+        title: "a difference was rewritten, since its digits cancel",
+        explanation: "\
+Where x is near 0, e^x is near 1, and the difference of the two has only the digits that are left of it: of 1 - exp(-1e-7) a
+32-bit number keeps one. The compiler computes expm1 there, which has all of them; nothing needs to be done. To say in the
+scene what is meant, write `expm1(x)`.
+",
+    },
 ];
