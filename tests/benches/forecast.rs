@@ -106,7 +106,7 @@ fn main() {
         ("brain", example("brain")),
         ("nebula", example("nebula")),
         ("cloud", example("cloud")),
-        ("smoke", example("splats/smoke")),
+        ("smoke", example("smoke")),
     ];
     let rays = f64::from(SIZE[0] * SIZE[1]);
     let mut rates: Vec<Vec<[f64; 6]>> = vec![vec![]; REGISTRY.len()];

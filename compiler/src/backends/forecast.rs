@@ -47,8 +47,8 @@ pub struct Rates {
 }
 
 /// Nanoseconds of a sum or product of one component, and of a lit sample's share of looking its lights up.
-const UNIT: f64 = 0.015;
-const LOOK: f64 = 70.0;
+const UNIT: f64 = 0.009;
+const LOOK: f64 = 30.0;
 /// Nanoseconds for a splat of a file: projected, put in order and in lists, blended.
 const SPLAT: f64 = 1500.0;
 /// Nanoseconds of a random path, fields apart, and how often one evaluates them.
