@@ -18,6 +18,7 @@
 
 use super::{Entry, REGISTRY};
 use crate::Options;
+use crate::diagnostic::Diagnostics;
 use crate::ir::{Backend, FieldScene, Filter, Graph, NodeId, Op, RenderInfo, Scattering, Tier, Unary, free_variables};
 use crate::passes::is_zero;
 use crate::program::{Forecast, Outcome, Plan, StepRule};
@@ -127,8 +128,10 @@ pub fn forecasts(scene: &FieldScene, options: &Options) -> Vec<Forecast> {
     let rays = f64::from(width) * f64::from(height);
     let closed = weight == 0.0 && lights == 0;
     let forecast = |entry: &Entry| {
-        let outcome = match (entry.refusal)(scene, options) {
-            Some(why) => Outcome::Refused(why),
+        let mut refused = Diagnostics::default();
+        (entry.refuse)(scene, options, &mut refused);
+        let outcome = match refused.iter().next() {
+            Some(first) => Outcome::Refused(first.message.clone()),
             None => drawn(entry, scene, (rays, field, closed)),
         };
         Forecast { backend: entry.backend, word: entry.word, outcome }

@@ -7,15 +7,11 @@ pub mod splatting;
 
 use crate::Options;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Backend, FieldScene};
-use crate::program::{Ledger, Plan, kernel::Kernel};
+use crate::ir::{Backend, Composite, FieldScene, Projection};
+use crate::program::{Ledger, Plan, RaySource, kernel::Kernel};
+use crate::transport::{endless, is_multiple};
 
 pub use forecast::{Rates, choose, field_weight, forecasts, settle};
-
-/// The message of the first finding.
-fn reason(found: &Diagnostics) -> Option<String> {
-    found.iter().next().map(|d| d.message.clone())
-}
 
 /// Says of splats of files that a backend does not draw them.
 fn refuse_splats(scene: &FieldScene, backend: &str, diagnostics: &mut Diagnostics) {
@@ -31,11 +27,48 @@ fn refuse_splats(scene: &FieldScene, backend: &str, diagnostics: &mut Diagnostic
     });
 }
 
+/// Says what a backend cannot do that the ray marcher can.
+fn cannot(backend: &str, what: &str, word: &str) -> Diagnostic {
+    Diagnostic::error("E0530", format!("{backend} cannot {what}"))
+        .note(format!("{word} can be drawn by: raymarch"))
+        .hint("use `backend = raymarch`, or `auto`")
+}
+
+/// Refuses what pieces across the view, which fill a bounded part of space, cannot show.
+fn refuse_across_the_view(
+    scene: &FieldScene,
+    options: &Options,
+    (backend, pieces): (&str, &str),
+    diagnostics: &mut Diagnostics,
+) {
+    if options.rays == RaySource::Camera && scene.camera.projection == Projection::Panorama {
+        let what = format!("draw a panorama: {pieces} do not cross a view all around");
+        diagnostics.push(cannot(backend, &what, "`projection = panorama`"));
+    }
+    match scene.render.composite {
+        Composite::Radiance => {}
+        Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_) => {
+            diagnostics.push(cannot(backend, "project data", "`composite`"));
+        }
+    }
+    for medium in endless(scene) {
+        let what = format!("draw `{}`, which has no end", medium.name);
+        let diagnostic = cannot(backend, &what, "a medium without end");
+        diagnostics.push(match medium.span {
+            Some(span) => diagnostic.at(span, "this medium"),
+            None => diagnostic,
+        });
+    }
+    if is_multiple(scene) {
+        diagnostics.push(cannot(backend, "follow light from scattering to scattering", "`scattering = multiple`"));
+    }
+}
+
 /// What a backend makes of a scene. It may add nodes to the scene that its plan names.
 pub type Build = fn(&mut FieldScene, &Options, &mut Ledger, &mut Diagnostics) -> Option<(Vec<Kernel>, Plan)>;
 
-/// Why a backend cannot draw an optimised scene, in a sentence.
-pub type Refusal = fn(&FieldScene, &Options) -> Option<String>;
+/// Says what of an optimised scene a backend cannot draw.
+pub type Refuse = fn(&FieldScene, &Options, &mut Diagnostics);
 
 /// A backend.
 #[derive(Copy, Clone, Debug)]
@@ -46,8 +79,8 @@ pub struct Entry {
     pub word: &'static str,
     /// Makes kernels and a plan.
     pub build: Build,
-    /// Says whether it could.
-    pub refusal: Refusal,
+    /// Says why it could not.
+    pub refuse: Refuse,
     /// What it takes and what it leaves, as `cargo bench --bench forecast` measured it.
     pub rates: Rates,
 }
@@ -58,7 +91,7 @@ pub const REGISTRY: [Entry; 3] = [
         backend: Backend::Raymarch,
         word: "raymarch",
         build: raymarch::build,
-        refusal: raymarch::refusal,
+        refuse: raymarch::refuse,
         rates: Rates {
             ray: 420.0,
             piece: 30.0,
@@ -75,7 +108,7 @@ pub const REGISTRY: [Entry; 3] = [
         backend: Backend::Slicing,
         word: "slicing",
         build: slicing::build,
-        refusal: slicing::refusal,
+        refuse: slicing::refuse,
         rates: Rates {
             ray: 740.0,
             piece: 31.0,
@@ -92,7 +125,7 @@ pub const REGISTRY: [Entry; 3] = [
         backend: Backend::Splatting,
         word: "splatting",
         build: splatting::build,
-        refusal: splatting::refusal,
+        refuse: splatting::refuse,
         rates: Rates {
             ray: 300.0,
             piece: 5.0,

@@ -16,7 +16,7 @@ pub(super) fn build(
     ledger: &mut Ledger,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Vec<Kernel>, Plan)> {
-    super::refuse_splats(scene, "the ray marcher", diagnostics);
+    refuse(scene, options, diagnostics);
     let mut seen = Scene::new(scene, ledger, diagnostics);
     seen.refuse_endless(scene, diagnostics);
     if diagnostics.has_errors() {
@@ -91,11 +91,9 @@ pub(super) fn build(
     Some((kernels, plan))
 }
 
-/// Why it cannot draw a scene. That an endless medium has no closed form it finds when it builds.
-pub(super) fn refusal(scene: &FieldScene, _: &Options) -> Option<String> {
-    let mut found = Diagnostics::default();
-    super::refuse_splats(scene, "the ray marcher", &mut found);
-    super::reason(&found)
+/// What it cannot draw. That an endless medium has no closed form it finds when it builds.
+pub(super) fn refuse(scene: &FieldScene, _: &Options, diagnostics: &mut Diagnostics) {
+    super::refuse_splats(scene, "the ray marcher", diagnostics);
 }
 
 /// Sums over the rays of a pixel; of what went wrong, the first.

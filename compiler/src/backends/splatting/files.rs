@@ -7,8 +7,9 @@
 //!
 //! Passes: those of `sort` and `lists`, once for each picture; then `aim` finds the rays, and `blend` goes along them.
 
-use super::{cannot, lists, sort, veil};
+use super::{lists, sort, veil};
 use crate::Options;
+use crate::backends::cannot;
 use crate::diagnostic::Diagnostics;
 use crate::fields::KernelBuilder;
 use crate::ir::{FieldScene, Projection};
@@ -26,6 +27,7 @@ const STEPPED: u32 = 256;
 pub(super) fn refuse(scene: &FieldScene, diagnostics: &mut Diagnostics) {
     if scene.render.splats.is_some() {
         diagnostics.push(cannot(
+            "splatting",
             "make Gaussians of media beside splats of files: it integrates media there",
             "`splats` beside an item of splats",
         ));

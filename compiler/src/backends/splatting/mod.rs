@@ -20,14 +20,14 @@ mod splat;
 mod veil;
 
 use crate::Options;
-use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::diagnostic::Diagnostics;
 use crate::fields::KernelBuilder;
-use crate::ir::{Composite, FieldScene, Projection, Stacks};
+use crate::ir::{FieldScene, Stacks};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, Precision, RaySource, StepRule};
+use crate::program::{Geometry, Ledger, OutputKind, Pass, Plan, PlantPass, Precision, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
-use crate::transport::{Scene, Tracer, endless, is_multiple, records, resolve};
+use crate::transport::{Scene, Tracer, records, resolve};
 
 /// Kernels and plan of a scene.
 pub(super) fn build(
@@ -105,43 +105,11 @@ pub(super) fn build(
     Some((kernels, plan))
 }
 
-fn cannot(what: &str, word: &str) -> Diagnostic {
-    Diagnostic::error("E0530", format!("splatting cannot {what}"))
-        .note(format!("{word} can be drawn by: raymarch"))
-        .hint("use `backend = raymarch`, or `auto`")
-}
-
-/// What billboards across the view cannot show.
-fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) {
-    if options.rays == RaySource::Camera && scene.camera.projection == Projection::Panorama {
-        let what = "draw a panorama: billboards do not cross a view all around";
-        diagnostics.push(cannot(what, "`projection = panorama`"));
-    }
-    match scene.render.composite {
-        Composite::Radiance => {}
-        Composite::Maximum | Composite::Minimum | Composite::Average | Composite::Isosurface(_) => {
-            diagnostics.push(cannot("project data", "`composite`"));
-        }
-    }
-    for medium in endless(scene) {
-        let diagnostic = cannot(&format!("draw `{}`, which has no end", medium.name), "a medium without end");
-        diagnostics.push(match medium.span {
-            Some(span) => diagnostic.at(span, "this medium"),
-            None => diagnostic,
-        });
-    }
-    if is_multiple(scene) {
-        diagnostics.push(cannot("follow light from scattering to scattering", "`scattering = multiple`"));
-    }
-}
-
-/// Why it cannot draw a scene.
-pub(super) fn refusal(scene: &FieldScene, options: &Options) -> Option<String> {
-    let mut found = Diagnostics::default();
+/// What billboards, or media among splats of files, cannot show.
+pub(super) fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) {
     if scene.splats.is_empty() {
-        refuse(scene, options, &mut found);
+        super::refuse_across_the_view(scene, options, ("splatting", "billboards"), diagnostics);
     } else {
-        files::refuse(scene, &mut found);
+        files::refuse(scene, diagnostics);
     }
-    super::reason(&found)
 }
