@@ -7,7 +7,7 @@ use codespan_reporting::term::{Config, emit_to_write_style};
 use compiler::diagnostic::{Diagnostic, Diagnostics, Label, Severity, to_codespan};
 use compiler::source::{Sources, Span};
 use indicatif::{ProgressBar, ProgressStyle};
-use runtime::frame::{Cause, Trouble};
+use runtime::frame::{Cause, Origins, Trouble};
 use serde_json::{Map, Value, json};
 use std::io::{IsTerminal, Write};
 
@@ -140,6 +140,15 @@ pub(crate) fn trouble(cause: Cause, code: &'static str, message: impl Into<Strin
 pub(crate) fn count(found: &Diagnostics) -> (usize, usize) {
     let of = |severity| found.iter().filter(|d| d.severity == severity).count();
     (of(Severity::Error), of(Severity::Warning))
+}
+
+/// Where an error comes from, in lx.
+pub(crate) fn origins_json(origins: Origins) -> Value {
+    json!({
+        "discretisation": number(origins.discretisation),
+        "rounding": number(origins.rounding),
+        "storage": number(origins.storage),
+    })
 }
 
 /// A number for JSON: what JSON cannot say is a string.

@@ -2,7 +2,9 @@
 
 use super::{nanometres, read};
 use crate::args::{Format, Render};
-use crate::output::{Exit, complain, diagnostics, diagnostics_json, document, number, progress, say, trouble};
+use crate::output::{
+    Exit, complain, diagnostics, diagnostics_json, document, number, origins_json, progress, say, trouble,
+};
 use compiler::ir::Bands;
 use compiler::program::OutputKind;
 use runtime::engine::gpu::Arranging;
@@ -27,6 +29,8 @@ pub(super) fn run(format: Format, arguments: &Render) -> Result<Exit, Trouble> {
         OutputKind::Radiance,
         OutputKind::Transmittance,
         OutputKind::Error,
+        OutputKind::Rounding,
+        OutputKind::Storage,
         OutputKind::Evaluations,
         OutputKind::Fault,
         OutputKind::Edge,
@@ -230,6 +234,12 @@ impl Done {
             text +=
                 &format!("error    predicted: at most {error:.2e} lx ({kind}), {share:.2} of what accuracy allows\n");
         }
+        if let Some(origins) = drawing.origins {
+            text += &format!(
+                "         of which at most discretisation {:.2e}, rounding {:.2e}, storage {:.2e} lx\n",
+                origins.discretisation, origins.rounding, origins.storage
+            );
+        }
         if let Some(m) = &self.measured {
             text += &format!(
                 "         measured: at most {:.2e} lx, rms {:.2e} lx on {} pixels, {:.2} of what accuracy allows\n",
@@ -272,6 +282,7 @@ impl Done {
                 "kind": drawing.error_kind,
                 "predicted_max": drawing.predicted.map(|p| number(p.0)),
                 "predicted_share": drawing.predicted.map(|p| number(p.1)),
+                "origins": drawing.origins.map(origins_json),
                 "measured": self.measured.map(|m| json!({
                     "pixels": m.pixels,
                     "max": number(m.max),

@@ -22,6 +22,10 @@ pub enum OutputKind {
     OpticalDepth,
     /// Estimated absolute error of the radiance, the largest over the bands: local errors, early exit, exceeded caps. Width 1.
     Error,
+    /// Of the error, what f32 makes of places, of the ends of segments and of the last operations. Width 1.
+    Rounding,
+    /// Of the error, what is left out on purpose: what lies behind where a ray ends early, and in bricks that count as empty. Width 1.
+    Storage,
     /// Field evaluations. Width 1.
     Evaluations,
     /// 0, or what went wrong and how far along the ray: the bits of a u32 ([`Fault::code`]), then the position (4 wide).

@@ -4,7 +4,7 @@ use super::media::Medium;
 use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
 use super::stride::Stride;
-use super::trace::{Segment, State, Tracer, Walk, largest, least, widen};
+use super::trace::{Origin, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
 use crate::ir::NodeId;
 use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};
@@ -115,13 +115,8 @@ impl Tracer<'_> {
         // Where a field jumps is rounded.
         let before = if touched.is_some() { self.before(code, state) } else { [None, None] };
         self.midpoint(code, state, media, ray, from.clone() + step.clone() * 0.5, &step);
-        if let (Some(touched), Some(crosses)) = (touched, crosses) {
-            if let (Some(error), Some(all)) = (state.error, self.moved(code, state, before)) {
-                let off = place / step.clone().max(1e-37);
-                let jumps = Expr::Local(touched).or(crosses.clone());
-                code.add(error, jumps.select(off.min(1.0) * all, 0.0));
-            }
-            code.set(touched, crosses);
+        if let (Some(touched), Some(crosses)) = (touched, &crosses) {
+            self.count_rounded_jumps(code, state, (touched, crosses), (&place, &step), before);
         }
         code.add(s, step);
         code.add(pieces, 1.0);
@@ -242,6 +237,9 @@ impl Tracer<'_> {
         // What single steps may cost beyond their shares, where a kink or a shadow's edge lies in them.
         let purse = code.var("purse", Ty::F32, (length.clone() / reach.clone()).min(1.0) * PURSE);
         let nodes = self.declare_nodes(code, state, media);
+        // Whether the step at hand begins at a curved jump, whose place is rounded.
+        let told = stops.has_sides() && state.error.is_some() && matches!(self.walk, Walk::Eye);
+        let touched = told.then(|| code.var("touched", Ty::BOOL, false));
         code.open();
         self.leap(code, state, media, segment, (s, nodes.fresh), [length, &shortest, reach]);
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
@@ -262,7 +260,7 @@ impl Tracer<'_> {
         let x = x_first.clone().zip(x_second).map(|(a, b)| code.bind("x", Ty::float(dw), a + b));
         let front = state.depth.map(|d| code.bind("front", Ty::float(dw), (-Expr::Local(d)).exp()));
         // By what values differ between samples they would differ for the rounding of places: no shorter step helps.
-        let blur = code.bind("blur", Ty::F32, place.min(half.clone()));
+        let blur = code.bind("blur", Ty::F32, place.clone().min(half.clone()));
         let thinner = x.clone().zip(x_whole.clone()).map(|(a, b)| a.min(b));
         let thinner = thinner.map(|x| code.bind("thinner", Ty::float(dw), x));
         let glows = light_whole.is_some() || nodes.source_error().is_some();
@@ -289,7 +287,7 @@ impl Tracer<'_> {
             let both = code.bind("light", Ty::float(lw), first + behind);
             let weight = front.clone().map_or(Expr::F32(1.0).splat(lw), |f| widen(f, dw, lw));
             let gain = code.bind("gain", Ty::float(lw), weight.clone() * both.clone());
-            let noise = largest(weight.clone() * noise, lw);
+            let noise = code.bind("noise", Ty::F32, largest(weight.clone() * noise, lw));
             let off = (both.clone() - whole).abs();
             let off = match (&thinner, &mean, nodes.front()) {
                 (Some(x), Some(mean), Some(front)) => off.max(self.hidden_front((x, mean), front, both)),
@@ -303,11 +301,14 @@ impl Tracer<'_> {
             let bright = code.bind("bright", Ty::F32, white.clone().max(so_far));
             let share = bright.clone() * (step.clone() / reach.clone());
             let allowed = accuracy.clone() * SHARE * share.max(least(gain, lw));
-            let clear = code.bind("clear_error", Ty::F32, off.clone() - noise);
+            let clear = code.bind("clear_error", Ty::F32, off.clone() - noise.clone());
             wrong.push(clear.clone() / allowed.max(1e-37));
             cost.push(clear / (accuracy.clone() * bright).max(1e-37));
             if let Some(error) = state.error {
-                pending.push((error, off));
+                pending.push((error, off.clone()));
+            }
+            if let Some(rounding) = state.apart.rounding {
+                pending.push((rounding, off.min(noise)));
             }
         }
         if let (Some(x), Some(whole), Some(thinner), Some(front)) = (&x, x_whole, &thinner, &front) {
@@ -330,7 +331,8 @@ impl Tracer<'_> {
             };
             let clear = (off.clone() - noise).max(Expr::F32(0.0).splat(dw));
             let clear = code.bind("clear_off", Ty::float(dw), clear);
-            let felt = largest(through * clear.clone().min(Expr::F32(1.0).splat(dw)), dw);
+            let felt = largest(through.clone() * clear.clone().min(Expr::F32(1.0).splat(dw)), dw);
+            let blurred = through * (off.clone() - clear.clone()).min(Expr::F32(1.0).splat(dw));
             let felt = code.bind("felt", Ty::F32, felt / allowed.max(1e-37));
             wrong.push(felt.clone() / (step.clone() / reach.clone() * SHARE).max(1e-37));
             cost.push(felt);
@@ -347,7 +349,11 @@ impl Tracer<'_> {
                     Some(radiance) => white.clone().max(largest(radiance.into(), lw)),
                     None => white.clone(),
                 };
-                pending.push((error, seen * behind));
+                let behind = code.bind("behind", Ty::F32, behind);
+                pending.push((error, seen * behind.clone()));
+                if let Some(rounding) = state.apart.rounding {
+                    pending.push((rounding, largest(blurred, dw) * behind));
+                }
             }
         }
         if let (Some(error), Some(off)) = (state.error, nodes.source_error()) {
@@ -403,11 +409,15 @@ impl Tracer<'_> {
         let accept = within.or(bought.clone()).or(short).or(spent.clone());
         let accept = code.bind("accept", Ty::BOOL, accept);
         code.open();
+        let before = if touched.is_some() { self.before(code, state) } else { [None, None] };
         if let (Some(radiance), Some(gain)) = (state.radiance, light_gain) {
             code.add(radiance, gain);
         }
         if let (Some(depth), Some(x)) = (state.depth, x) {
             code.add(depth, x);
+        }
+        if let (Some(touched), Some(crosses)) = (touched, &crosses) {
+            self.count_rounded_jumps(code, state, (touched, crosses), (&place, &step), before);
         }
         for (error, amount) in pending {
             code.add(error, amount);
@@ -480,7 +490,7 @@ impl Tracer<'_> {
             let clear = code.bind("clear_way", Ty::F32, clear);
             code.break_if(clear.clone().less_equal(0.0).or(Expr::Local(s).greater_equal(length.clone())));
             code.add(s, clear.clone().max(shortest.clone()));
-            if let (Some(error), false) = (state.error, self.wants(OutputKind::OpticalDepth)) {
+            if state.error.is_some() && !self.wants(OutputKind::OpticalDepth) {
                 // What counts as empty may hold this much.
                 let accuracy = self.builder.frame(FrameValue::Accuracy);
                 let share = accuracy * (clear / reach.clone()).min(1.0) * EMPTY;
@@ -489,7 +499,7 @@ impl Tracer<'_> {
                     Walk::Shadow { .. } => share,
                     Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => share * self.builder.frame(FrameValue::White),
                 };
-                code.add(error, left);
+                state.add_error(code, Origin::Storage, left);
             }
             code.set(fresh, true);
             let over = code.close();
@@ -515,7 +525,7 @@ impl Tracer<'_> {
                 let transparent = (-thin.clone()).exp().less(accuracy.clone() * 0.05);
                 let dim = rest.clone().less(accuracy * 0.05 * white);
                 code.open();
-                code.add(state.error.expect("checked above"), rest);
+                state.add_error(code, Origin::Storage, rest);
                 code.break_();
                 let leave = code.close();
                 code.push_if(dim.and(transparent), leave);
@@ -533,7 +543,7 @@ impl Tracer<'_> {
                 let rest = code.bind("rest_bound", Ty::F32, through.clone() * (seen.clone() * 10.0).max(white.clone()));
                 let dim = rest.clone().less(accuracy.clone() * 0.05 * white.max(seen));
                 code.open();
-                code.add(state.error.expect("checked above"), rest);
+                state.add_error(code, Origin::Storage, rest);
                 code.break_();
                 let leave = code.close();
                 code.push_if(dim.and(through.less(accuracy * 0.05)), leave);

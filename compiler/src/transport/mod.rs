@@ -44,6 +44,8 @@ pub(crate) fn output_name(kind: OutputKind) -> &'static str {
         OutputKind::Transmittance => "transmittance",
         OutputKind::OpticalDepth => "optical_depth",
         OutputKind::Error => "error",
+        OutputKind::Rounding => "rounding",
+        OutputKind::Storage => "storage",
         OutputKind::Evaluations => "evaluations",
         OutputKind::Fault => "fault",
         OutputKind::Edge => "edge",

@@ -10,7 +10,7 @@
 use super::light::{LightSample, Receiver};
 use super::media::Medium;
 use super::shapes::{FAR, Ray, SdfFunctions};
-use super::trace::{ComponentIf, Segment, State, Stretch, Traced, Tracer, Walk, cut_short, largest, widen};
+use super::trace::{Apart, ComponentIf, Segment, State, Stretch, Traced, Tracer, Walk, cut_short, largest, widen};
 use super::tracking::push_tracking;
 use crate::fields::{Code, Helper, PhaseFunction, phase_function};
 use crate::ir::Input;
@@ -162,6 +162,7 @@ impl Tracer<'_> {
             depth: None,
             radiance: Some(flight.emitted),
             error: None,
+            apart: Apart::default(),
             work: None,
             fault,
             fault_at,
@@ -473,6 +474,7 @@ impl Tracer<'_> {
             depth: Some(code.var("depth", Ty::float(dw), Expr::F32(0.0).splat(dw))),
             radiance: None,
             error: None,
+            apart: Apart::default(),
             work: None,
             fault: None,
             fault_at: None,
@@ -822,7 +824,7 @@ impl Tracer<'_> {
                     let at = (0..3).map(|i| fault_at.clone().component(i));
                     (4, Expr::Compose(Ty::float(4), [fault.clone()].into_iter().chain(at).collect()))
                 }
-                OutputKind::Evaluations | OutputKind::Edge => continue,
+                OutputKind::Rounding | OutputKind::Storage | OutputKind::Evaluations | OutputKind::Edge => continue,
             };
             fields.push((kind, width));
             values.push(value);

@@ -6,9 +6,10 @@ use crate::ir::{Aa, Primitive};
 use crate::program::kernel::{Expr, Function, Prim, Stage, Ty};
 use crate::program::{Extent, FillPass, FrameValue, Ledger, Output, OutputKind, RaySource};
 
-/// The outputs that are made: those asked for, and what went wrong.
-pub(crate) fn wanted(options: &[OutputKind]) -> Vec<OutputKind> {
+/// The outputs that are made: those asked for, and what went wrong. Parts of the error are made where they are told apart.
+pub(crate) fn wanted(options: &[OutputKind], apart: bool) -> Vec<OutputKind> {
     let mut wanted = options.to_vec();
+    wanted.retain(|kind| apart || !matches!(kind, OutputKind::Rounding | OutputKind::Storage));
     if !wanted.contains(&OutputKind::Fault) {
         wanted.push(OutputKind::Fault);
     }
@@ -82,9 +83,12 @@ pub(crate) fn gather(
             }
             OutputKind::Evaluations => before + value,
             OutputKind::Edge => before.max(value),
-            OutputKind::Radiance | OutputKind::Transmittance | OutputKind::OpticalDepth | OutputKind::Error => {
-                before + value * weight.clone().splat(*width)
-            }
+            OutputKind::Radiance
+            | OutputKind::Transmittance
+            | OutputKind::OpticalDepth
+            | OutputKind::Error
+            | OutputKind::Rounding
+            | OutputKind::Storage => before + value * weight.clone().splat(*width),
         });
     }
     store(builder, code, &widths, &sums, record, stride);

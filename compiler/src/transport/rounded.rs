@@ -1,11 +1,11 @@
 //! What rounding makes of the ends of stretches of a ray, as an error of what is seen.
 
 use super::shapes::FAR;
-use super::trace::{Segment, State, Tracer, largest, widen};
+use super::trace::{Origin, Segment, State, Tracer, largest, widen};
 use crate::fields::Code;
 use crate::program::FrameValue;
 use crate::program::StepRule;
-use crate::program::kernel::{Expr, Ty};
+use crate::program::kernel::{Expr, LocalId, Ty};
 
 /// Half a unit in the last place of an f32, relative.
 pub(super) const HALF_ULP: f64 = 1.0 / 16_777_216.0;
@@ -32,7 +32,9 @@ impl Tracer<'_> {
         segment: &Segment,
         before: [Option<Expr>; 2],
     ) {
-        let Some(error) = state.error else { return };
+        if state.error.is_none() {
+            return;
+        }
         let Some(all) = self.moved(code, state, before) else { return };
         let Segment { ray, a, b, .. } = segment;
         let place = largest(ray.origin.clone().abs(), 3) * 2.0 + a.clone().abs() + b.clone().abs();
@@ -42,10 +44,28 @@ impl Tracer<'_> {
             // The ends of slabs are no boundaries: what one lacks the next has.
             Some([from, to]) => {
                 let bounded = a.clone().greater(from.clone()).or(b.clone().less(to.clone()));
-                code.add(error, bounded.select(off, 0.0));
+                state.add_error(code, Origin::Rounding, bounded.select(off, 0.0));
             }
-            None => code.add(error, off),
+            None => state.add_error(code, Origin::Rounding, off),
         }
+    }
+
+    /// Adds to the error what it makes that a curved jump is found where f32 can tell it: in the step that ends there, and in the next,
+    /// which begins there and is `touched` by it.
+    pub(super) fn count_rounded_jumps(
+        &mut self,
+        code: &mut Code,
+        state: &State,
+        (touched, crosses): (LocalId, &Expr),
+        (place, step): (&Expr, &Expr),
+        before: [Option<Expr>; 2],
+    ) {
+        if let Some(all) = self.moved(code, state, before) {
+            let off = place.clone() / step.clone().max(1e-37);
+            let jumps = Expr::Local(touched).or(crosses.clone());
+            state.add_error(code, Origin::Rounding, jumps.select(off.min(1.0) * all, 0.0));
+        }
+        code.set(touched, crosses.clone());
     }
 
     /// What a stretch moves the picture by for its length, in what was added since `before`: a length of `l` that is off by δ is off

@@ -6,7 +6,7 @@
 
 use super::shapes::{FAR, Ray};
 use super::sheets::Nearest;
-use super::trace::{State, Stretch, Traced, Tracer, cut_short, widen};
+use super::trace::{Apart, State, Stretch, Traced, Tracer, cut_short, widen};
 use crate::fields::Code;
 use crate::program::kernel::{Expr, Function, FunctionId, Ty};
 use crate::program::{FillPass, Ledger, StepRule};
@@ -141,7 +141,7 @@ impl Tracer<'_> {
         }
         let [radiance, depth, error, work, fault] = sums;
         let fault_at = fault_at.map(|at| code.var("at", Ty::VEC3, at));
-        let state = State { depth, radiance, error, work, fault, fault_at, projected: None };
+        let state = State { depth, radiance, error, apart: Apart::default(), work, fault, fault_at, projected: None };
         let hit = nearest.map(|nearest| {
             let arguments = vec![ray.origin.clone(), ray.direction.clone(), start, Expr::F32(FAR)];
             code.bind("hit", nearest.result, Expr::Call(nearest.function, arguments))

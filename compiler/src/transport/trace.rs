@@ -102,11 +102,47 @@ pub(crate) struct Tracer<'a> {
     pub(super) narrows: Vec<(u32, FieldFunction)>,
 }
 
+/// Sums of parts of the error.
+#[derive(Copy, Clone, Default)]
+pub(super) struct Apart {
+    pub(super) rounding: Option<LocalId>,
+    storage: Option<LocalId>,
+}
+
+/// Where an error comes from, if not from the rule that integrates.
+#[derive(Copy, Clone)]
+pub(super) enum Origin {
+    Rounding,
+    /// What is left out on purpose.
+    Storage,
+}
+
+impl State {
+    /// Adds to the error what does not come from the rule.
+    pub(super) fn add_error(&self, code: &mut Code, origin: Origin, amount: Expr) {
+        let Some(error) = self.error else { return };
+        let part = match origin {
+            Origin::Rounding => self.apart.rounding,
+            Origin::Storage => self.apart.storage,
+        };
+        match part {
+            Some(part) => {
+                let amount = code.bind("amount", Ty::F32, amount);
+                code.add(error, amount.clone());
+                code.add(part, amount);
+            }
+            None => code.add(error, amount),
+        }
+    }
+}
+
 /// Variables of the function.
 pub(super) struct State {
     pub(super) depth: Option<LocalId>,
     pub(super) radiance: Option<LocalId>,
     pub(super) error: Option<LocalId>,
+    /// Parts of the error that are told apart, where they are wanted.
+    pub(super) apart: Apart,
     pub(super) work: Option<LocalId>,
     pub(super) fault: Option<LocalId>,
     pub(super) fault_at: Option<LocalId>,
@@ -279,6 +315,7 @@ impl Tracer<'_> {
             depth: Some(code.var("depth", Ty::float(dw), Expr::F32(0.0).splat(dw))),
             radiance: None,
             error: error.then(|| code.var("error", Ty::F32, 0.0)),
+            apart: Apart::default(),
             work: work.then(|| code.var("work", Ty::U32, 0u32)),
             fault: None,
             fault_at: None,
@@ -414,6 +451,9 @@ impl Tracer<'_> {
         // Closed forms between boundaries are as good as the boundaries.
         let ends = through && !scene.matter.is_empty() && !scene.primitives.is_empty();
         let error = ((steps || ends) && self.wants(OutputKind::Error)).then(|| code.var("error", Ty::F32, 0.0));
+        let mut part = |kind, name| (error.is_some() && self.wants(kind)).then(|| code.var(name, Ty::F32, 0.0));
+        let rounding = part(OutputKind::Rounding, "rounding");
+        let apart = Apart { rounding, storage: part(OutputKind::Storage, "storage") };
         let adaptive = matches!(self.rule, StepRule::Adaptive(_));
         let work =
             (steps && (adaptive || self.wants(OutputKind::Evaluations))).then(|| code.var("work", Ty::U32, 0u32));
@@ -429,7 +469,7 @@ impl Tracer<'_> {
             );
         }
         let projected = (self.composite != Composite::Radiance).then(|| self.declare_projection(code));
-        State { depth, radiance, error, work, fault, fault_at, projected }
+        State { depth, radiance, error, apart, work, fault, fault_at, projected }
     }
 
     /// Whether a ray can take many rounds of loops.
@@ -812,8 +852,15 @@ impl Tracer<'_> {
                 }
                 OutputKind::Error => {
                     fields.push((kind, 1));
-                    let error = state.error.map(Expr::Local).into_iter().chain(rounded.take());
-                    values.push(error.reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0)));
+                    values.push(sum([state.error.map(Expr::Local), rounded.clone()]));
+                }
+                OutputKind::Rounding => {
+                    fields.push((kind, 1));
+                    values.push(sum([state.apart.rounding.map(Expr::Local), rounded.clone()]));
+                }
+                OutputKind::Storage => {
+                    fields.push((kind, 1));
+                    values.push(sum([state.apart.storage.map(Expr::Local), None]));
                 }
                 OutputKind::Evaluations => {
                     fields.push((kind, 1));
@@ -837,6 +884,11 @@ impl Tracer<'_> {
         let function = self.builder.add_function(code.finish(Some(result)));
         Traced { function, fields, random: None, fill: None }
     }
+}
+
+/// 0 of nothing.
+fn sum(terms: [Option<Expr>; 2]) -> Expr {
+    terms.into_iter().flatten().reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0))
 }
 
 fn collect(region: &Region, out: &mut Vec<usize>) {

@@ -31,6 +31,27 @@ pub struct Measured {
     pub reference_error: f64,
 }
 
+/// Where the error of a picture comes from, as its engine knows it: of each the largest over the pixels and parts of the program, in lx.
+/// They need not be of one pixel, so that their sum may exceed the largest error.
+#[derive(Copy, Clone, Debug, Default, PartialEq)]
+pub struct Origins {
+    /// Of the rule that integrates, and of pixels filled in from those around them.
+    pub discretisation: f64,
+    /// Of f32: of places, of ends of segments, of the last operations.
+    pub rounding: f64,
+    /// Of what is left out on purpose: what lies behind where a ray ends early, and in bricks that count as empty.
+    pub storage: f64,
+}
+
+impl Origins {
+    /// The larger of each.
+    pub(crate) fn widen(&mut self, other: Self) {
+        self.discretisation = self.discretisation.max(other.discretisation);
+        self.rounding = self.rounding.max(other.rounding);
+        self.storage = self.storage.max(other.storage);
+    }
+}
+
 /// Rays per pixel that stand for the truth.
 #[derive(Copy, Clone, Debug)]
 pub(super) struct Samples {

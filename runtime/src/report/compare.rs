@@ -2,7 +2,7 @@
 
 use super::Comparison;
 use super::truth::Truth;
-use crate::frame::{Drawing, difference as apart};
+use crate::frame::{Drawing, Origins, difference as apart};
 use crate::image::metric::{PIXELS_PER_DEGREE, flip};
 
 /// Differences in lx over pixels off edges where the reference is known, all bands.
@@ -38,6 +38,8 @@ pub struct Predicted {
     pub max: f64,
     /// The largest as a multiple of what the scene's `accuracy` allows at its pixel.
     pub share: f64,
+    /// Where it comes from, where the backend tells.
+    pub origins: Option<Origins>,
     /// Pixels off edges whose measured error is larger than what was said of them, the error of the reference and the
     /// rounding of a stored f32 granted; three standard errors count as said.
     pub beyond: u32,
@@ -119,6 +121,7 @@ pub(super) fn compare(drawing: &Drawing, truth: &Truth, edges: &[bool]) -> Compa
         kind: drawing.error_kind,
         max,
         share: share_of(drawing, truth),
+        origins: drawing.origins,
         beyond,
         median_ratio: ratios.get(ratios.len() / 2).copied(),
     });

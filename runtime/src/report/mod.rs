@@ -248,6 +248,8 @@ impl Study<'_> {
             outputs: vec![
                 OutputKind::Radiance,
                 OutputKind::Error,
+                OutputKind::Rounding,
+                OutputKind::Storage,
                 OutputKind::Evaluations,
                 OutputKind::Fault,
                 OutputKind::Edge,

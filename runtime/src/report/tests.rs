@@ -17,6 +17,7 @@ fn drawing(radiance: [f32; 4], said: [f32; 4], kind: &'static str) -> Drawing {
         picture: Picture::new([4, 1], bands(), radiance.to_vec(), None).expect("a picture"),
         edges: vec![],
         predicted: Some((f64::from(said.into_iter().fold(0.0, f32::max)), 0.0)),
+        origins: None,
         errors: said.to_vec(),
         error_kind: kind,
         paths: None,

@@ -1,6 +1,6 @@
 //! The document.
 
-use crate::output::{diagnostics_json, number};
+use crate::output::{diagnostics_json, number, origins_json};
 use runtime::report::{LeftOut, Report, Row, Series};
 use serde_json::{Value, json};
 
@@ -70,6 +70,7 @@ fn row(row: &Row) -> Value {
             "kind": p.kind,
             "max_lx": number(p.max),
             "share": number(p.share),
+            "origins": p.origins.map(origins_json),
             "pixels_beyond": p.beyond,
             "held": p.held(row.error.pixels),
             "median_ratio": p.median_ratio.map(number),

@@ -130,7 +130,13 @@ fn choices(report: &Report) -> String {
             } else {
                 format!("<b>exceeded at {} of {} pixels</b>", p.beyond, row.error.pixels)
             };
-            format!(" Predicted: at most {} lx ({}), {held}.", short(p.max), p.kind.replace('-', " "))
+            let origins = p.origins.map_or(String::new(), |o| {
+                let [discretisation, rounding, storage] = [o.discretisation, o.rounding, o.storage].map(short);
+                format!(
+                    " At most {discretisation} lx of it are of discretisation, {rounding} of rounding, {storage} of storage."
+                )
+            });
+            format!(" Predicted: at most {} lx ({}), {held}.{origins}", short(p.max), p.kind.replace('-', " "))
         });
         let _ = writeln!(
             out,

@@ -4,7 +4,7 @@ use super::{chosen, name, value, way};
 use runtime::report::{Report, Row, Series};
 
 /// The columns of the CSV file, in their order. Errors and radiance are in lx, times in milliseconds.
-const COLUMNS: [&str; 26] = [
+const COLUMNS: [&str; 29] = [
     "engine",
     "adapter",
     "backend",
@@ -31,6 +31,9 @@ const COLUMNS: [&str; 26] = [
     "predicted_share",
     "pixels_beyond",
     "held",
+    "discretisation_lx",
+    "rounding_lx",
+    "storage_lx",
 ];
 
 /// One line per picture, after a heading.
@@ -43,7 +46,8 @@ pub(super) fn csv(report: &Report) -> String {
 fn line(series: &Series, row: &Row) -> String {
     let maybe = |v: Option<String>| v.unwrap_or_default();
     let predicted = row.predicted.as_ref();
-    let fields: [String; 26] = [
+    let origins = predicted.and_then(|p| p.origins);
+    let fields: [String; 29] = [
         series.engine.to_owned(),
         quoted(series.adapter.as_deref().unwrap_or_default()),
         series.backend.unwrap_or_default().to_owned(),
@@ -70,6 +74,9 @@ fn line(series: &Series, row: &Row) -> String {
         maybe(predicted.map(|p| p.share.to_string())),
         maybe(predicted.map(|p| p.beyond.to_string())),
         maybe(predicted.map(|p| p.held(row.error.pixels).to_string())),
+        maybe(origins.map(|o| o.discretisation.to_string())),
+        maybe(origins.map(|o| o.rounding.to_string())),
+        maybe(origins.map(|o| o.storage.to_string())),
     ];
     fields.join(",")
 }

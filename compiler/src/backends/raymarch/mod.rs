@@ -33,7 +33,7 @@ pub(super) fn build(
     } else {
         seen.keep_bounds(scene, rule, ledger);
     }
-    let wanted = records::wanted(&options.outputs);
+    let wanted = records::wanted(&options.outputs, !many);
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = records::samples(aa, options.rays, ledger);
     let edged = !many && records::divides(aa, options.rays, seen.primitives(), ledger);
@@ -122,6 +122,8 @@ impl Sums {
                 | OutputKind::Transmittance
                 | OutputKind::OpticalDepth
                 | OutputKind::Error
+                | OutputKind::Rounding
+                | OutputKind::Storage
                 | OutputKind::Edge => code.add(*sum, value * weight.clone().splat(*width)),
             }
         }

@@ -2,7 +2,7 @@
 
 use super::{Engine, RayAnswer};
 use crate::engine::gpu::{GpuError, PackedRay, Tile, Timing};
-use crate::frame::{FaultTally, Frame};
+use crate::frame::{FaultTally, Frame, Origins};
 use compiler::program::{OutputKind, Program};
 
 /// Draws the wanted parts of a program, one after another.
@@ -139,6 +139,7 @@ pub(super) struct Canvas {
     pub(super) predicted: Option<(f64, f64)>,
     /// Of each pixel, the largest over its bands.
     pub(super) errors: Vec<f32>,
+    pub(super) origins: Option<Origins>,
     pub(super) evaluations: Option<u64>,
     pub(super) faults: FaultTally,
 }
@@ -160,6 +161,8 @@ impl Canvas {
             transmittance: has(OutputKind::Transmittance).then(|| vec![0.0; count * bands]),
             edges: if has(OutputKind::Edge) { vec![false; count] } else { vec![] },
             predicted: has(OutputKind::Error).then_some((0.0, 0.0)),
+            origins: (has(OutputKind::Error) && has(OutputKind::Rounding) && has(OutputKind::Storage))
+                .then(Origins::default),
             errors: if has(OutputKind::Error) { vec![0.0; count] } else { vec![] },
             evaluations: has(OutputKind::Evaluations).then_some(0),
             faults: FaultTally::default(),
@@ -195,6 +198,12 @@ impl Canvas {
             if let (Some(most), Some(error)) = (&mut self.predicted, reader.number(record, OutputKind::Error)) {
                 self.errors[pixel] = self.errors[pixel].max(error);
                 let error = f64::from(error);
+                if let Some(origins) = &mut self.origins {
+                    let part = |kind| reader.number(record, kind).map_or(0.0, f64::from);
+                    let (rounding, storage) = (part(OutputKind::Rounding), part(OutputKind::Storage));
+                    let discretisation = (error - rounding - storage).max(0.0);
+                    origins.widen(Origins { discretisation, rounding, storage });
+                }
                 most.0 = most.0.max(error);
                 most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));
             }

@@ -10,8 +10,8 @@ mod splats;
 use self::canvas::{Canvas, draw_parts, trace_parts};
 use super::measure::{Measured, Samples, worst};
 use super::{
-    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Params, SceneFiles, Vec3,
-    findings, pack_ray, sample_offsets, scene_bounds,
+    Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Origins, Params, SceneFiles,
+    Vec3, findings, pack_ray, sample_offsets, scene_bounds,
 };
 use crate::data::mesh::Mesh;
 use crate::data::splats::Splats;
@@ -184,6 +184,8 @@ pub struct Drawing {
     pub edges: Vec<bool>,
     /// The largest error of a pixel as the engine knows it, in lx, and as a multiple of what `accuracy` allows there.
     pub predicted: Option<(f64, f64)>,
+    /// Where that comes from, where the backend tells it apart and was asked to.
+    pub origins: Option<Origins>,
     /// The error of each pixel in lx as the engine knows it, the largest over its bands, row by row; empty when the engine
     /// does not say.
     pub errors: Vec<f32>,
@@ -584,12 +586,13 @@ impl Session {
     /// What was drawn, with what is known about it.
     fn drawing(&self, canvas: Canvas, timing: Timing, params: &Params, time: f64) -> Result<Drawing, Trouble> {
         let size = canvas.size;
-        let Canvas { radiance, transmittance, edges, errors, predicted, evaluations, faults, .. } = canvas;
+        let Canvas { radiance, transmittance, edges, errors, predicted, origins, evaluations, faults, .. } = canvas;
         let bands = self.program.bands.clone();
         Ok(Drawing {
             picture: Picture::new(size, bands, radiance, transmittance).map_err(|e| self.image(e))?,
             edges,
             predicted,
+            origins,
             errors,
             error_kind: "estimate",
             paths: None,
@@ -661,6 +664,7 @@ impl Session {
             picture: Picture::new(camera.size, bands, radiance, Some(transmittance)).map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some(predicted),
+            origins: None,
             errors: pixels.error.chunks_exact(engine.bands()).map(largest).collect(),
             error_kind: match scene.render.scattering {
                 Scattering::None | Scattering::Single => reference::ErrorKind::Estimate.name(),

@@ -112,6 +112,7 @@ impl Session {
                 .map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some((worst.0 + cut_off, worst.1)),
+            origins: None,
             errors,
             error_kind: "standard-error",
             paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),
