@@ -1,7 +1,7 @@
 //! The command line.
 
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
-use compiler::ir::{Backend, Scattering};
+use compiler::ir::{Backend, Pixels, Scattering};
 use runtime::engine::gpu::AdapterChoice;
 use runtime::frame::EngineChoice;
 use std::path::PathBuf;
@@ -75,6 +75,9 @@ pub(crate) struct Schedule {
     /// Splats that splatting makes of the media, about, instead of `render.splats`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     pub(crate) splats: Option<u32>,
+    /// Which pixels are drawn, instead of `render.pixels`
+    #[arg(long, value_enum)]
+    pub(crate) pixels: Option<PixelsName>,
     /// Paths of each pixel or ray with `scattering = multiple`, instead of `render.samples`
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
@@ -92,6 +95,7 @@ impl Schedule {
             steps: self.steps,
             slices: self.slices,
             splats: self.splats,
+            pixels: self.pixels.map(PixelsName::pixels),
             samples: self.samples,
             ..options
         }
@@ -384,6 +388,23 @@ impl ScatteringName {
             Self::None => Scattering::None,
             Self::Single => Scattering::Single,
             Self::Multiple => Scattering::Multiple,
+        }
+    }
+}
+
+#[derive(Copy, Clone, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PixelsName {
+    /// All of them
+    Every,
+    /// As many as it takes; the others are filled in from those around them
+    Adaptive,
+}
+
+impl PixelsName {
+    pub(crate) fn pixels(self) -> Pixels {
+        match self {
+            Self::Every => Pixels::Every,
+            Self::Adaptive => Pixels::Adaptive,
         }
     }
 }

@@ -137,6 +137,7 @@ fn apply(options: &Options, scene: &mut FieldScene) {
     render.steps = options.steps.or(render.steps);
     render.slices = options.slices.or(render.slices);
     render.stacks = options.stacks.unwrap_or(render.stacks);
+    render.pixels = options.pixels.unwrap_or(render.pixels);
     render.splats = options.splats.or(render.splats);
     render.samples = options.samples.or(render.samples);
     scene.image.size = options.size.unwrap_or(scene.image.size);

@@ -1,7 +1,7 @@
 //! What a caller can ask of a compilation beyond the scene, and what it gets.
 
 use crate::diagnostic::Diagnostics;
-use crate::ir::{Aa, Backend, Scattering, Stacks};
+use crate::ir::{Aa, Backend, Pixels, Scattering, Stacks};
 use crate::program::{OutputKind, Precision, Program, RaySource};
 use crate::source::Sources;
 use crate::trial::Change;
@@ -21,6 +21,8 @@ pub struct Options {
     pub slices: Option<u32>,
     /// Instead of `render.stacks`.
     pub stacks: Option<Stacks>,
+    /// Instead of `render.pixels`.
+    pub pixels: Option<Pixels>,
     /// Instead of `render.splats`.
     pub splats: Option<u32>,
     /// Instead of `render.accuracy`; also drops `render.steps`, `.slices`, `.splats` and `.samples` unless they are given too.
@@ -51,6 +53,7 @@ impl Default for Options {
             steps: None,
             slices: None,
             stacks: None,
+            pixels: None,
             splats: None,
             accuracy: None,
             scattering: None,

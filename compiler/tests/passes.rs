@@ -127,6 +127,7 @@ fn random_scene(bytes: &[u8]) -> FieldScene {
             steps: None,
             slices: None,
             stacks: compiler::ir::Stacks::View,
+            pixels: compiler::ir::Pixels::Every,
             splats: None,
             samples: None,
             max_work: 65536,

@@ -44,6 +44,7 @@ fn builder(bands: u8) -> Builder {
             steps: None,
             slices: None,
             stacks: compiler::ir::Stacks::View,
+            pixels: compiler::ir::Pixels::Every,
             splats: None,
             samples: None,
             max_work: 4096,

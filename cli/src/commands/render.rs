@@ -216,6 +216,10 @@ impl Done {
             let each = if self.programs > 1 { " for each program" } else { "" };
             text += &format!("paths    {paths} of each pixel{each}\n");
         }
+        if let Some(drawn) = drawing.drawn {
+            let all = u64::from(width) * u64::from(height);
+            text += &format!("pixels   {drawn} of {all} drawn, the others filled in from them\n");
+        }
         if let Some(slabs) = drawing.slabs {
             text += &format!("slabs    {slabs}\n");
         }
@@ -268,6 +272,7 @@ impl Done {
             "clock": drawing.clock,
             "dispatches": drawing.dispatches,
             "evaluations": drawing.evaluations,
+            "pixels_drawn": drawing.drawn,
             "paths": drawing.paths,
             "slabs": drawing.slabs,
             "splats": drawing.splats,

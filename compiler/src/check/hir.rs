@@ -2,7 +2,8 @@
 //! sugar expanded, values in SI. Lowering turns it into a field graph and meets no user error that could be known here.
 
 use crate::ir::{
-    Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Scattering, SplatBlend, SplatsId, Stacks, Tonemap,
+    Aa, Backend, Bands, BandsKind, Filter, Fold, Param, ParamId, Pixels, Scattering, SplatBlend, SplatsId, Stacks,
+    Tonemap,
 };
 use crate::loader::{GridHeader, MeshHeader, SplatsHeader};
 use crate::source::Span;
@@ -558,6 +559,8 @@ pub struct Render {
     pub splats: Option<u32>,
     /// Overrides of `accuracy`.
     pub samples: Option<u32>,
+    /// Which pixels are drawn.
+    pub pixels: Pixels,
     /// Cap on steps per ray.
     pub max_work: u32,
 }

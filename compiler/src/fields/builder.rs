@@ -141,6 +141,11 @@ impl KernelBuilder {
         self.resource("rays", ResourceKind::ReadBuffer(Ty::F32), Binding::Rays)
     }
 
+    /// What tells pixels apart, to be written.
+    pub fn survey(&mut self) -> u32 {
+        self.resource("survey_of_pixels", ResourceKind::WriteBuffer(Ty::U32), Binding::Survey)
+    }
+
     /// The records that come out.
     pub fn records(&mut self) -> u32 {
         self.resource("records", ResourceKind::WriteBuffer(Ty::F32), Binding::Records)

@@ -38,8 +38,8 @@ pub use graph::{Graph, GridInfo, NodeId, Origin, Table, TableId};
 pub use light::{Light, LightKind, MeshId, MeshInfo, Surface, SurfaceShape};
 pub use print::print;
 pub use scene::{
-    Aa, Affine, Backend, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType, Primitive, PrimitiveKind,
-    Projection, RenderInfo, Scattering, Shape, Stacks, Tonemap, Units,
+    Aa, Affine, Backend, Camera, Composite, FieldScene, ImageInfo, Medium, Param, ParamType, Pixels, Primitive,
+    PrimitiveKind, Projection, RenderInfo, Scattering, Shape, Stacks, Tonemap, Units,
 };
 pub use schedule::{Step, free_variables, schedule, schedule_with};
 pub use splats::{Placement, SplatBlend, SplatsId, SplatsInfo};

@@ -237,6 +237,16 @@ pub enum Stacks {
     Object,
 }
 
+/// Which pixels of a picture are drawn.
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Pixels {
+    /// Every one.
+    #[default]
+    Every,
+    /// As many as it takes: the others are filled in from those around them, within what `accuracy` allows.
+    Adaptive,
+}
+
 /// The schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderInfo {
@@ -258,6 +268,8 @@ pub struct RenderInfo {
     pub splats: Option<u32>,
     /// Overrides of `accuracy`.
     pub samples: Option<u32>,
+    /// Which pixels are drawn.
+    pub pixels: Pixels,
     /// Cap on steps per ray.
     pub max_work: u32,
 }

@@ -85,6 +85,7 @@ impl<'s> Lowerer<'s, '_> {
                 steps: render.steps,
                 slices: render.slices,
                 stacks: render.stacks,
+                pixels: render.pixels,
                 splats: render.splats,
                 samples: render.samples,
                 max_work: render.max_work,

@@ -2,6 +2,9 @@
 
 use crate::ir::{GridId, MeshId, NodeId, RenderInfo, TableId};
 
+/// What a survey says of a pixel that is like no other.
+pub const ALONE: u32 = u32::MAX;
+
 /// Where the rays of a drawing come from.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum RaySource {
@@ -303,6 +306,8 @@ pub enum Binding {
     Bounds(u32),
     /// Rays of the list.
     Rays,
+    /// What tells pixels apart: array of u32, row by row, written by [`Plan::survey`].
+    Survey,
     /// Records, one per ray: array of f32.
     Records,
     /// What the passes of a tile tell those after them: array of f32, `Plan::notes` per invocation. Written to.
@@ -693,6 +698,10 @@ pub struct Plan {
     pub footprints: Option<FootprintLayout>,
     /// Media that are bounded on a lattice.
     pub bounds: Vec<MediumBounds>,
+    /// Where some pixels of the camera are drawn and others filled in: the kernel that tells pixels apart by what their rays meet, once for each
+    /// picture and over all of it. A pixel may be filled in from others that have the same number in [`Binding::Survey`]. Passes run over a
+    /// list of pixels then, whose columns and rows stand first in [`Binding::Rays`], in place of origins.
+    pub survey: Option<u32>,
     /// Samples per pixel.
     pub samples: u32,
     /// Most evaluations a ray of the camera is expected to need: for the size of tiles.
@@ -707,7 +716,7 @@ impl Plan {
         let fill = self.fill.as_ref().map(|f| f.kernel);
         let lists =
             self.footprints.into_iter().flat_map(|f| [f.lists.sums, f.lists.starts, f.lists.spread, f.lists.fill]);
-        self.passes.iter().flat_map(Pass::kernels).chain(fill).chain(plant).chain(sort).chain(lists)
+        self.passes.iter().flat_map(Pass::kernels).chain(fill).chain(plant).chain(sort).chain(lists).chain(self.survey)
     }
 
     /// What puts splats in order on the device.

@@ -163,6 +163,7 @@ pub fn print_plan(program: &Program) -> String {
                 format!("bounds of medium {} on a lattice{narrow}", scene.media[bounds.medium as usize].name)
             }
             Binding::Rays => "buffer of rays, 8 f32 each".into(),
+            Binding::Survey => "buffer of what tells pixels apart, one u32 each".into(),
             Binding::Records => format!("buffer of records, {} f32 each", plan.stride),
             Binding::Notes => format!("buffer of notes, {} f32 each", plan.notes),
             Binding::NotesRead => "the same, only read".into(),
@@ -231,6 +232,13 @@ pub fn print_plan(program: &Program) -> String {
         let _ = writeln!(out, "    {sums}, {scan} and {starts} once, over splats");
         let _ =
             writeln!(out, "    {spread} and {fill} once, over entries of lists, which are sorted by tile between them");
+    }
+    if let Some(survey) = plan.survey {
+        let name = &program.kernels[survey as usize].name;
+        let _ = writeln!(
+            out,
+            "    {name} once, over all pixels; then, of finer and finer lattices, over those that are not filled in:"
+        );
     }
     for pass in &plan.passes {
         let name = |kernel: &u32| &program.kernels[*kernel as usize].name;

@@ -28,6 +28,7 @@ mod sheets;
 pub(crate) mod slab;
 mod sides;
 mod stride;
+mod survey;
 mod trace;
 mod tracking;
 

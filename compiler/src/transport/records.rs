@@ -128,6 +128,26 @@ pub(crate) fn listed(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
     index
 }
 
+/// The number of this invocation's pixel in a picture of so many. Leaves the kernel where there is none.
+pub(crate) fn numbered(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
+    let own = code.bind("own", Ty::U32, Expr::GlobalId.component(0));
+    let count = builder.frame(FrameValue::RayCount);
+    code.if_(own.clone().greater_equal(count), Code::return_nothing);
+    code.bind("number", Ty::U32, builder.frame(FrameValue::TileOrigin).component(0) + own)
+}
+
+/// The pixel of this invocation, of a tile or of a list of pixels.
+pub(crate) fn pixel_of(builder: &mut KernelBuilder, code: &mut Code, of_list: bool) -> Pixel {
+    if !of_list {
+        return pixel(builder, code);
+    }
+    let record = listed(builder, code);
+    let rays = builder.rays();
+    let mut at = |name: &str, i: u32| code.bind(name, Ty::F32, Expr::load(rays, record.clone() * 8u32 + i));
+    let (x, y) = (at("x", 0), at("y", 1));
+    Pixel { x, y, record }
+}
+
 /// The pixel of this invocation. Leaves the kernel where the tile has none.
 pub(crate) fn pixel(builder: &mut KernelBuilder, code: &mut Code) -> Pixel {
     let tile = builder.frame(FrameValue::TileSize);

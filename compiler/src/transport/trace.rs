@@ -77,7 +77,7 @@ pub(crate) struct Tracer<'a> {
     pub(super) scene: &'a Scene,
     pub(super) builder: &'a mut KernelBuilder,
     pub(super) spans: SpanFunctions,
-    pub(super) rule: StepRule,
+    pub(crate) rule: StepRule,
     pub(super) composite: Composite,
     pub(super) wanted: Vec<OutputKind>,
     pub(super) max_work: u32,

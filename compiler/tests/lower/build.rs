@@ -229,6 +229,7 @@ pub(crate) fn scene() -> Scene {
             stacks: compiler::ir::Stacks::View,
             splats: None,
             samples: None,
+            pixels: compiler::ir::Pixels::Every,
             max_work: 65536,
         },
     }

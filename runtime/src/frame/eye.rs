@@ -47,6 +47,8 @@ pub struct Frame {
     pub lattice: super::Lattice,
     /// As [`compiler::program::FrameValue::Lean`]. A drawing that leans takes the splats of the one before it.
     pub lean: f64,
+    /// Whether pixels of this picture have been drawn before, so that what is worked out once for a picture is there.
+    pub goes_on: bool,
     /// Splats of files as the picture shows them.
     pub footprints: Arc<super::Footprints>,
     /// Bounds of media on lattices, by part of the program and number in its plan.

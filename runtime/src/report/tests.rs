@@ -21,6 +21,7 @@ fn drawing(radiance: [f32; 4], said: [f32; 4], kind: &'static str) -> Drawing {
         errors: said.to_vec(),
         error_kind: kind,
         paths: None,
+        drawn: None,
         slabs: None,
         splats: None,
         evaluations: None,

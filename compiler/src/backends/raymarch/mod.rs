@@ -3,10 +3,10 @@
 use crate::Options;
 use crate::diagnostic::Diagnostics;
 use crate::fields::{Code, KernelBuilder};
-use crate::ir::{Aa, Composite, FieldScene};
-use crate::program::kernel::{BinaryOp, Expr, Kernel, LocalId, Stage, Ty};
-use crate::program::{Extent, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
-use crate::transport::records::{self, Pixel, pixel, store};
+use crate::ir::{Aa, Composite, FieldScene, Pixels};
+use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, Kernel, LocalId, Prim, Stage, Ty};
+use crate::program::{ALONE, Extent, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::transport::records::{self, Pixel, pixel, pixel_of, store};
 use crate::transport::{Scene, Traced, Tracer, edges, is_multiple, output_name, rays};
 
 /// Kernel and plan of a scene.
@@ -39,6 +39,7 @@ pub(super) fn build(
     let edged = !many && records::divides(aa, options.rays, seen.primitives(), ledger);
     let mut builder = KernelBuilder::default();
     let tracer = Tracer::new(scene, &seen, &mut builder, rule, wanted);
+    let fills = fills_in(scene, options, &tracer, samples, ledger);
     let mut traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
     let (outputs, stride) = records::layout(&traced.fields, edge_wanted);
@@ -49,10 +50,15 @@ pub(super) fn build(
         }
         RaySource::List if many => (path_list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
         RaySource::Camera if edged => {
-            let entry = edged_entry(scene, &mut builder, seen.primitives(), &traced, stride, edge_wanted);
-            (entry, [8, 8, 1], Extent::Tile)
+            let entry = edged_entry(scene, &mut builder, seen.primitives(), &traced, (stride, edge_wanted), fills);
+            let (extent, workgroup) = records::extent(if fills { RaySource::List } else { options.rays });
+            (entry, workgroup, extent)
         }
-        RaySource::Camera => (camera_entry(scene, &mut builder, &traced, stride, samples), [8, 8, 1], Extent::Tile),
+        RaySource::Camera => {
+            let entry = camera_entry(scene, &mut builder, &traced, (stride, samples), fills);
+            let (extent, workgroup) = records::extent(if fills { RaySource::List } else { options.rays });
+            (entry, workgroup, extent)
+        }
         RaySource::List => (list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
     };
     let name = match options.rays {
@@ -61,6 +67,13 @@ pub(super) fn build(
     };
     let mut entries = vec![(name, Stage::Compute(workgroup), entry)];
     let fill = records::add_fill(&mut entries, traced.fill.take());
+    let survey = fills.then(|| {
+        let function = Tracer::new(scene, &seen, &mut builder, rule, vec![]).write_survey();
+        let primitives = if edged { seen.primitives() } else { &[] };
+        let entry = survey_entry(scene, &mut builder, primitives, function);
+        entries.push(("survey_pixels", Stage::Compute([64, 1, 1]), entry));
+        entries.len() as u32 - 1
+    });
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let work_per_ray = match rule {
         StepRule::Closed => 1,
@@ -85,10 +98,32 @@ pub(super) fn build(
         footprints: None,
         carried: 0,
         bounds: seen.bounds,
+        survey,
         samples,
         work_per_ray: work_per_ray * samples,
     };
     Some((kernels, plan))
+}
+
+/// Whether some pixels are drawn and others filled in from them.
+fn fills_in(scene: &FieldScene, options: &Options, tracer: &Tracer<'_>, samples: u32, ledger: &mut Ledger) -> bool {
+    if options.rays == RaySource::List {
+        return false;
+    }
+    let reason = match (scene.render.pixels, tracer.rule) {
+        (Pixels::Every, _) => "every pixel is to be drawn",
+        (Pixels::Adaptive, StepRule::Closed) => "closed forms take less than telling pixels apart",
+        (Pixels::Adaptive, StepRule::Fixed(_)) => "with a given number of steps nothing is known of the error",
+        (Pixels::Adaptive, StepRule::Paths(_)) => "random paths are noise, and noise cannot be filled in",
+        (Pixels::Adaptive, _) if scene.render.composite != Composite::Radiance => {
+            "projections of data are not smooth between pixels"
+        }
+        (Pixels::Adaptive, _) if samples > 1 => "with several rays for each pixel edges lie within pixels",
+        (Pixels::Adaptive, _) if !tracer.is_surveyable() => "the outline of a signed distance field has no closed form",
+        (Pixels::Adaptive, _) => return true,
+    };
+    ledger.omit("pixels that are filled in", reason, None);
+    false
 }
 
 /// What it cannot draw. That an endless medium has no closed form it finds when it builds.
@@ -113,7 +148,7 @@ impl Sums {
             let value = ray.clone().field(i as u32);
             match kind {
                 OutputKind::Fault => {
-                    let code_so_far = Expr::Local(*sum).component(0).bitcast(crate::program::kernel::Prim::U32);
+                    let code_so_far = Expr::Local(*sum).component(0).bitcast(Prim::U32);
                     let none = Expr::binary(BinaryOp::Equal, code_so_far, 0u32);
                     code.set(*sum, none.select(value, *sum));
                 }
@@ -140,11 +175,11 @@ fn edged_entry(
     builder: &mut KernelBuilder,
     primitives: &[crate::ir::Primitive],
     traced: &Traced,
-    stride: u32,
-    edge_wanted: bool,
-) -> crate::program::kernel::Function {
+    (stride, edge_wanted): (u32, bool),
+    fills: bool,
+) -> Function {
     let mut code = Code::new("draw", None);
-    let Pixel { x, y, record } = pixel(builder, &mut code);
+    let Pixel { x, y, record } = pixel_of(builder, &mut code, fills);
     let camera = rays::Camera::new(builder, scene.camera.projection);
     let centre = (x + 0.5, y + 0.5);
     let centre = (code.bind("center_x", Ty::F32, centre.0), code.bind("center_y", Ty::F32, centre.1));
@@ -184,11 +219,11 @@ fn camera_entry(
     scene: &FieldScene,
     builder: &mut KernelBuilder,
     traced: &Traced,
-    stride: u32,
-    samples: u32,
-) -> crate::program::kernel::Function {
+    (stride, samples): (u32, u32),
+    fills: bool,
+) -> Function {
     let mut code = Code::new("draw", None);
-    let Pixel { x, y, record } = pixel(builder, &mut code);
+    let Pixel { x, y, record } = pixel_of(builder, &mut code, fills);
     let camera = rays::Camera::new(builder, scene.camera.projection);
     let result = builder.result_of(traced.function);
     if samples == 1 {
@@ -213,11 +248,38 @@ fn camera_entry(
     code.finish(None)
 }
 
+/// What tells the pixels of a picture apart. One that an edge divides is like no other.
+fn survey_entry(
+    scene: &FieldScene,
+    builder: &mut KernelBuilder,
+    primitives: &[crate::ir::Primitive],
+    survey: FunctionId,
+) -> Function {
+    let mut code = Code::new("survey_pixels", None);
+    let number = records::numbered(builder, &mut code);
+    let width = builder.frame(FrameValue::ImageSize).component(0);
+    let row = code.bind("row", Ty::U32, number.clone() / width.clone());
+    let column = number.clone() - row.clone() * width;
+    let center = |code: &mut Code, name: &str, n: Expr| code.bind(name, Ty::F32, n.convert(Prim::F32) + 0.5);
+    let centre = (center(&mut code, "center_x", column), center(&mut code, "center_y", row));
+    let camera = rays::Camera::new(builder, scene.camera.projection);
+    let division = edges::divide(&scene.graph, builder, &mut code, &camera, primitives, centre.clone());
+    let start = camera.ray(&mut code, "ray", centre.0, centre.1);
+    let met = code.bind("met", Ty::U32, rays::call(survey, &start));
+    let met = match division {
+        Some(edges::Division { divided, .. }) => divided.select(Expr::U32(ALONE), met.min(Expr::U32(ALONE - 1))),
+        None => met,
+    };
+    let buffer = builder.survey();
+    code.store(buffer, number, met);
+    code.finish(None)
+}
+
 fn widths(traced: &Traced) -> Vec<u8> {
     traced.fields.iter().map(|f| f.1).collect()
 }
 
-fn list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
+fn list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> Function {
     let mut code = Code::new("probe", None);
     let index = records::listed(builder, &mut code);
     let start = rays::list(builder, &mut code, &index);
@@ -242,7 +304,7 @@ fn path_loop(
     let count = builder.frame(FrameValue::Paths);
     let first = builder.frame(FrameValue::FirstPath);
     let seed = builder.frame(FrameValue::Seed);
-    let share = code.bind("share", Ty::F32, Expr::F32(1.0) / count.clone().convert(crate::program::kernel::Prim::F32));
+    let share = code.bind("share", Ty::F32, Expr::F32(1.0) / count.clone().convert(Prim::F32));
     let index = code.var("path_number", Ty::U32, 0u32);
     code.open();
     code.break_if(Expr::Local(index).greater_equal(count));
@@ -264,12 +326,12 @@ fn path_camera_entry(
     traced: &Traced,
     stride: u32,
     spread: bool,
-) -> crate::program::kernel::Function {
+) -> Function {
     let mut code = Code::new("draw", None);
     let Pixel { x, y, record } = pixel(builder, &mut code);
     let camera = rays::Camera::new(builder, scene.camera.projection);
     let size = builder.frame(FrameValue::ImageSize);
-    let prim = crate::program::kernel::Prim::U32;
+    let prim = Prim::U32;
     let number = y.clone().convert(prim) * size.component(0) + x.clone().convert(prim);
     let number = code.bind("pixel_number", Ty::U32, number);
     let values = path_loop(builder, &mut code, traced, number, &mut |_, code, rng| {
@@ -283,7 +345,7 @@ fn path_camera_entry(
     code.finish(None)
 }
 
-fn path_list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> crate::program::kernel::Function {
+fn path_list_entry(builder: &mut KernelBuilder, traced: &Traced, stride: u32) -> Function {
     let mut code = Code::new("probe", None);
     let index = records::listed(builder, &mut code);
     // Long lists are followed in parts: each ray's random numbers go by its place in the whole.

@@ -107,6 +107,7 @@ pub(super) fn build(
         footprints: None,
         carried: 0,
         bounds: seen.bounds,
+        survey: None,
         samples,
         work_per_ray: count.unwrap_or(256),
     };

@@ -14,12 +14,13 @@
 //! enclose it. That is an estimate and no bound: errors of several boundaries may be of either sign, and what lies between
 //! nodes and touches none has no part in it.
 
-use super::splat::{along, coefficients, index, kept, node, own_number, read};
+use super::splat::{along, coefficients, index, kept, node, read};
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::FieldScene;
 use crate::program::kernel::{Expr, Function, Math, Ty};
 use crate::program::{FrameValue, RaySource};
 use crate::transport::layers::{component, components};
+use crate::transport::records;
 use crate::transport::slab::{Part, Pieces};
 
 /// What part of a second difference is taken for the error: κ²/2 and a little more where a field is smooth,
@@ -63,7 +64,7 @@ fn with(pieces: &Pieces, band: u8) -> u32 {
 /// The entry point.
 pub(super) fn entry(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pieces, rays: RaySource) -> Function {
     let mut code = Code::new("doubt", None);
-    let number = own_number(builder, &mut code);
+    let number = records::numbered(builder, &mut code);
     let splats = builder.splats();
     let stride = stride(pieces);
     let count = coefficients(pieces);

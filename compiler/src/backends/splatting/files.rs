@@ -97,6 +97,7 @@ pub(super) fn build(
         footprints: Some(FootprintLayout { shape, stride, round, sort, lists }),
         carried,
         bounds: vec![],
+        survey: None,
         samples,
         work_per_ray: 512,
     };

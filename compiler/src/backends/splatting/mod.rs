@@ -99,6 +99,7 @@ pub(super) fn build(
         plant: Some(PlantPass { kernel: 0, doubt: 1, stride: splats, rank: 6, sort, drawn: 7 }),
         footprints: None,
         carried: 0,
+        survey: None,
         samples,
         work_per_ray: 4096,
     };

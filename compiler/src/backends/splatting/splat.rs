@@ -8,6 +8,7 @@ use crate::program::kernel::{Carries, Expr, Function, Math, Prim, Ty};
 use crate::program::{FrameValue, RaySource, SortPass};
 use crate::transport::aim::Note;
 use crate::transport::layers::{Layers, components};
+use crate::transport::records;
 use crate::transport::slab::{Part, Pieces};
 
 /// Deviation of a Gaussian in spacings.
@@ -36,14 +37,6 @@ pub(super) fn index(builder: &mut KernelBuilder, code: &mut Code, number: &Expr)
     let z = code.bind("layer_number", Ty::U32, row.clone() / ny.clone());
     let y = row - z.clone() * ny;
     [x, y, z]
-}
-
-/// The number of this invocation's node. Leaves the kernel where there is none.
-pub(super) fn own_number(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
-    let own = code.bind("own", Ty::U32, Expr::GlobalId.component(0));
-    let count = builder.frame(FrameValue::RayCount);
-    code.if_(own.clone().greater_equal(count), Code::return_nothing);
-    code.bind("number", Ty::U32, builder.frame(FrameValue::TileOrigin).component(0) + own)
 }
 
 /// The place of a node.
@@ -83,7 +76,7 @@ pub(super) fn along(
 /// The entry point that finds what is at the nodes.
 pub(super) fn plant(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pieces, rays: RaySource) -> Function {
     let mut code = Code::new("plant", None);
-    let number = own_number(builder, &mut code);
+    let number = records::numbered(builder, &mut code);
     let center = node(builder, &mut code, &number);
     let along = along(scene, builder, &mut code, (rays, &center));
     let spacing = builder.frame(FrameValue::LatticeSpacing);
@@ -165,7 +158,7 @@ fn radius(builder: &mut KernelBuilder, code: &mut Code) -> Expr {
 /// length of being abreast, where either order is as good; the same lattice always has the same one.
 pub(super) fn rank(scene: &FieldScene, builder: &mut KernelBuilder, pieces: &Pieces, rays: RaySource) -> Function {
     let mut code = Code::new("rank", None);
-    let number = own_number(builder, &mut code);
+    let number = records::numbered(builder, &mut code);
     let splats = builder.splats_read();
     let base = code.bind("base", Ty::U32, number.clone() * doubt::stride(pieces));
     // Where the node holds nothing, its neighbours may say that it holds too little.

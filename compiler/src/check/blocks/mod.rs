@@ -416,6 +416,7 @@ pub(super) fn static_name(name: &str) -> &'static str {
         "stacks",
         "splats",
         "samples",
+        "pixels",
         "max_work",
     ];
     NAMES.iter().find(|n| **n == name).copied().unwrap_or("value")

@@ -5,12 +5,23 @@ use crate::check::hir::{Composite, Dim, Render};
 use crate::check::scope::Inputs;
 use crate::check::types::Ty;
 use crate::diagnostic::Diagnostic;
-use crate::ir::{Backend, Scattering, Stacks};
+use crate::ir::{Backend, Pixels, Scattering, Stacks};
 use crate::resolve::ModuleId;
 use crate::syntax::ast::{self, Block, ExprKind, Property};
 
-const PROPERTIES: &[&str] =
-    &["backend", "scattering", "composite", "accuracy", "steps", "slices", "stacks", "splats", "samples", "max_work"];
+const PROPERTIES: &[&str] = &[
+    "backend",
+    "scattering",
+    "composite",
+    "accuracy",
+    "steps",
+    "slices",
+    "stacks",
+    "splats",
+    "samples",
+    "pixels",
+    "max_work",
+];
 
 impl Checker<'_> {
     pub(super) fn render(&mut self, found: Option<(&ast::Item, &Block)>) -> Render {
@@ -26,6 +37,7 @@ impl Checker<'_> {
             stacks: Stacks::View,
             splats: None,
             samples: None,
+            pixels: Pixels::Every,
             max_work: 65536,
         };
         let Some((_, block)) = found else { return render };
@@ -65,6 +77,10 @@ impl Checker<'_> {
         let stacks = [("view", Stacks::View), ("object", Stacks::Object)];
         if let Some(stacks) = properties.take("stacks").and_then(|p| self.word(p, "render", &stacks)) {
             render.stacks = stacks;
+        }
+        let pixels = [("every", Pixels::Every), ("adaptive", Pixels::Adaptive)];
+        if let Some(pixels) = properties.take("pixels").and_then(|p| self.word(p, "render", &pixels)) {
+            render.pixels = pixels;
         }
         render
     }

@@ -248,6 +248,10 @@ impl Needs {
                 | Binding::Tallies => {
                     needs.storage_bytes = needs.storage_bytes.max(SPLAT_BYTES);
                 }
+                Binding::Survey => {
+                    let pixels: u64 = program.lowered.image.size.iter().map(|n| u64::from(*n)).product();
+                    needs.storage_bytes = needs.storage_bytes.max((4 * pixels).next_power_of_two());
+                }
                 Binding::Rays
                 | Binding::Records
                 | Binding::Notes

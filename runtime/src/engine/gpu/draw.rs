@@ -188,20 +188,47 @@ impl Prepared {
         self.run(frame, Source::Camera, frame.size, take)
     }
 
-    /// Follows a list of rays; `take` gets their records in parts, in order.
+    /// Follows a list of rays, or of pixels where the plan fills others in; `take` gets their records in parts, in order.
     ///
     /// # Errors
-    /// When the device is lost, runs out of memory, or the plan draws from a camera.
+    /// When the device is lost, runs out of memory, or the plan draws every pixel of a camera.
     pub fn trace(
         &mut self,
         frame: &Frame,
         rays: &[PackedRay],
         take: &mut dyn FnMut(Tile, &[f32]),
     ) -> Result<Timing, GpuError> {
-        self.expect(RaySource::List)?;
+        if self.program.plan.survey.is_none() {
+            self.expect(RaySource::List)?;
+        }
         let count = u32::try_from(rays.len())
             .map_err(|_| GpuError::new(GpuErrorKind::TooLarge, "more than 4294967295 rays at once"))?;
         self.run(frame, Source::List(rays), [count, 1], take)
+    }
+
+    /// What tells the pixels of the frame apart, row by row: see [`compiler::program::Plan::survey`]. Nothing if the plan draws every pixel.
+    ///
+    /// # Errors
+    /// When the device is lost, or the picture is larger than what it binds at once.
+    pub fn survey(&mut self, frame: &Frame) -> Result<Vec<u32>, GpuError> {
+        if self.program.plan.survey.is_none() {
+            return Ok(vec![]);
+        }
+        self.gpu.watch.check()?;
+        let pixels = frame.size.iter().map(|n| u64::from(*n)).product::<u64>();
+        let most = self.gpu.limits().max_storage_buffer_binding_size.min(u64::from(u32::MAX));
+        // Buffers grow to powers of two.
+        if (4 * pixels).next_power_of_two() > most {
+            let message = format!("this adapter does not tell {pixels} pixels apart at once");
+            return Err(GpuError::new(GpuErrorKind::TooLarge, message).hint("draw with `pixels = every`"));
+        }
+        let pixels = pixels as u32;
+        let mut block = self.evaluate(frame);
+        if self.resources.hold_survey(&self.gpu, pixels) {
+            self.slots.clear();
+        }
+        self.once(&mut block, Once::Survey, pixels)?;
+        self.resources.survey.as_ref().map_or(Ok(vec![]), |buffer| read(&self.gpu, buffer, pixels))
     }
 
     /// Gives back the memory that only drawing needs, so that parts drawn one after another do not all hold theirs.
@@ -421,8 +448,8 @@ impl Prepared {
         if self.program.plan.footprints.is_some() {
             self.list_footprints(frame, &mut block)?;
         }
-        // A drawing that leans has the splats of the one before.
-        if frame.lean == 0.0 {
+        // A drawing that leans has the splats of the one before, and one that goes on all that was worked out for its picture.
+        if frame.lean == 0.0 && !frame.goes_on {
             self.once_for_all(frame, &mut block)?;
         }
         let plan = &self.program.plan;

@@ -53,7 +53,7 @@ fn binding_type(program: &Program, binding: Binding) -> Option<wgpu::BindingType
         Binding::Starts | Binding::Entries | Binding::TileListsWritten => storage(false),
         Binding::Sorting(SortBuffer::KeysFrom | SortBuffer::NumbersFrom) => storage(true),
         Binding::Sorting(SortBuffer::KeysTo | SortBuffer::NumbersTo) => storage(false),
-        Binding::Keys | Binding::Tallies => storage(false),
+        Binding::Keys | Binding::Tallies | Binding::Survey => storage(false),
         Binding::Workgroup(_) => return None,
         Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats | Binding::Carried => storage(false),
         Binding::Target(_) => wgpu::BindingType::Texture {
@@ -89,6 +89,7 @@ pub(super) struct Pipelines {
     pub(super) plant: Option<Step>,
     pub(super) doubt: Option<Step>,
     pub(super) rank: Option<Step>,
+    pub(super) survey: Option<Step>,
     pub(super) drawn: Option<Step>,
     pub(super) sort: Option<SortSteps>,
     pub(super) lists: Option<ListSteps>,
@@ -247,6 +248,7 @@ impl Pipelines {
         let plant = program.plan.plant.map(|plant| compiler.compute(plant.kernel)).transpose()?;
         let doubt = program.plan.plant.map(|plant| compiler.compute(plant.doubt)).transpose()?;
         let rank = program.plan.plant.map(|plant| compiler.compute(plant.rank)).transpose()?;
+        let survey = program.plan.survey.map(|kernel| compiler.compute(kernel)).transpose()?;
         let drawn = program.plan.plant.map(|plant| compiler.compute(plant.drawn)).transpose()?;
         let sort = match program.plan.sort() {
             Some(sort) => Some(SortSteps {
@@ -268,7 +270,7 @@ impl Pipelines {
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { passes, fill, plant, doubt, rank, drawn, sort, lists })
+        Ok(Self { passes, fill, plant, doubt, rank, survey, drawn, sort, lists })
     }
 }
 

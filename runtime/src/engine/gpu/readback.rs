@@ -46,6 +46,7 @@ struct Groups {
     plant: Option<wgpu::BindGroup>,
     doubt: Option<wgpu::BindGroup>,
     rank: Option<wgpu::BindGroup>,
+    survey: Option<wgpu::BindGroup>,
 }
 
 /// A dispatch that has been submitted.
@@ -83,6 +84,7 @@ pub(super) enum Once {
     Plant,
     Doubt,
     Rank,
+    Survey,
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -135,7 +137,7 @@ impl Slot {
             notes,
             carried,
             targets: Targets::default(),
-            groups: Groups { passes: vec![], fill: None, plant: None, doubt: None, rank: None },
+            groups: Groups { passes: vec![], fill: None, plant: None, doubt: None, rank: None, survey: None },
         };
         if plan.targets.is_empty() {
             slot.groups = slot.bind(gpu, program, pipelines, resources);
@@ -172,6 +174,7 @@ impl Slot {
                 Binding::Reaches | Binding::Starts | Binding::StartsRead => None,
                 Binding::Entries | Binding::EntriesRead | Binding::TileListsWritten => None,
                 Binding::Splats | Binding::SplatsRead => whole(&resources.splats),
+                Binding::Survey => whole(&resources.survey),
                 Binding::Footprints => resources.footprints.as_ref().map(|f| f.0.as_entire_binding()),
                 Binding::TileLists => resources.sorting.as_ref()?.lists().map(wgpu::Buffer::as_entire_binding),
                 Binding::Target(i) => self.targets.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
@@ -197,6 +200,8 @@ impl Slot {
             plant: pipelines.plant.as_ref().map(group),
             doubt: pipelines.doubt.as_ref().map(group),
             rank: pipelines.rank.as_ref().map(group),
+            // Of several parts the first tells pixels apart for all.
+            survey: pipelines.survey.as_ref().filter(|_| resources.survey.is_some()).map(group),
         }
     }
 
@@ -249,6 +254,7 @@ impl Slot {
             Once::Plant => (&pipelines.plant, &self.groups.plant, program.plan.plant.map(|p| p.kernel)),
             Once::Doubt => (&pipelines.doubt, &self.groups.doubt, program.plan.plant.map(|p| p.doubt)),
             Once::Rank => (&pipelines.rank, &self.groups.rank, program.plan.plant.map(|p| p.rank)),
+            Once::Survey => (&pipelines.survey, &self.groups.survey, program.plan.survey),
         };
         if let (Some(Step { pipeline: Pipeline::Compute(pipeline), .. }), Some(group), Some(kernel)) =
             (step, group, kernel)

@@ -61,6 +61,8 @@ pub(super) struct Resources {
     pub(super) drawn: u32,
     /// Their coefficients.
     pub(super) splats: Option<wgpu::Buffer>,
+    /// What tells pixels apart.
+    pub(super) survey: Option<wgpu::Buffer>,
     /// Splats of files as the picture shows them, and how many numbers they have.
     pub(super) footprints: Option<(wgpu::Buffer, u32)>,
 }
@@ -82,6 +84,7 @@ impl Resources {
             sorting: None,
             drawn: 0,
             splats: None,
+            survey: None,
             footprints: None,
         };
         for binding in &program.plan.bindings {
@@ -138,7 +141,7 @@ impl Resources {
                 }
                 // They come with each drawing.
                 Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
-                Binding::Footprints | Binding::TileLists | Binding::Carried => {}
+                Binding::Footprints | Binding::TileLists | Binding::Carried | Binding::Survey => {}
                 Binding::Keys | Binding::KeysRead | Binding::Sorting(_) | Binding::Tallies => {}
                 Binding::Workgroup(_) | Binding::Reaches | Binding::Starts | Binding::StartsRead => {}
                 Binding::Entries | Binding::EntriesRead | Binding::TileListsWritten => {}
@@ -156,12 +159,12 @@ impl Resources {
 
     /// Makes room for so many splats. Gives whether the buffer is another one now.
     pub(super) fn hold_splats(&mut self, gpu: &Gpu, count: u32, stride: u32) -> bool {
-        let bytes = u64::from(count) * u64::from(stride) * 4;
-        let fits = matches!(&self.splats, Some(buffer) if buffer.size() >= bytes);
-        if !fits {
-            self.splats = Some(storage(gpu, "splats", bytes));
-        }
-        !fits
+        hold(gpu, "splats", &mut self.splats, u64::from(count) * u64::from(stride) * 4)
+    }
+
+    /// Makes room for a survey of so many pixels. Gives whether the buffer is another one now.
+    pub(super) fn hold_survey(&mut self, gpu: &Gpu, pixels: u32) -> bool {
+        hold(gpu, "survey", &mut self.survey, u64::from(pixels) * 4)
     }
 
     /// Writes splats of files. Gives whether the buffer is another one now.
@@ -199,6 +202,15 @@ pub(super) fn storage(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
+}
+
+/// Makes another buffer where there is none that holds so many bytes, and says so.
+fn hold(gpu: &Gpu, label: &str, slot: &mut Option<wgpu::Buffer>, bytes: u64) -> bool {
+    let fits = matches!(slot, Some(buffer) if buffer.size() >= bytes);
+    if !fits {
+        *slot = Some(storage(gpu, label, bytes));
+    }
+    !fits
 }
 
 /// Writes a buffer and how many things are in it; makes another where it is too small, and says so.

@@ -39,21 +39,23 @@ pub(super) fn trace_parts(
     frame: &Frame,
     rays: &[PackedRay],
     take: &mut dyn FnMut(&Reader, usize, &[f32]),
-) -> Result<(), GpuError> {
+) -> Result<Timing, GpuError> {
     let several = !program.further.is_empty();
+    let mut all = Timing::default();
     for (part, (reader, prepared)) in Reader::of_parts(program).iter().zip(engine.prepared()).enumerate() {
         let mut ray = 0;
-        prepared.trace(&frame.of_part(part), rays, &mut |_, records| {
+        let timing = prepared.trace(&frame.of_part(part), rays, &mut |_, records| {
             for record in records.chunks_exact(reader.stride) {
                 take(reader, ray, record);
                 ray += 1;
             }
         })?;
+        all = all.and(timing);
         if several {
             prepared.rest();
         }
     }
-    Ok(())
+    Ok(all)
 }
 
 /// Reads quantities out of the records of one part of a program.
@@ -176,43 +178,47 @@ impl Canvas {
     pub(super) fn take(&mut self, part: usize, tile: Tile, records: &[f32]) {
         let [x0, y0] = tile.origin.map(|n| n as usize);
         let width = tile.size[0] as usize;
-        let reader = &self.readers[part];
+        let reader = self.readers[part].clone();
         for (i, record) in records.chunks_exact(reader.stride).enumerate() {
-            let pixel = (y0 + i / width) * self.size[0] as usize + x0 + i % width;
-            let own = pixel * self.bands..(pixel + 1) * self.bands;
-            let mut brightest = 0.0f64;
-            let slots = &mut self.radiance[own.clone()];
-            for (band, value) in reader.bands(record, OutputKind::Radiance) {
-                slots[band] = value;
-                brightest = brightest.max(f64::from(value));
-            }
-            if let Some(transmittance) = &mut self.transmittance {
-                let slots = &mut transmittance[own];
-                reader.bands(record, OutputKind::Transmittance).for_each(|(band, value)| slots[band] = value);
-            }
-            let edge = reader.number(record, OutputKind::Edge).is_some_and(|e| e != 0.0);
-            if let (Some(slot), true) = (self.edges.get_mut(pixel), reader.first) {
-                *slot = edge;
-            }
-            // What is allowed follows the brightest band, which may be another part's: this is the stricter.
-            if let (Some(most), Some(error)) = (&mut self.predicted, reader.number(record, OutputKind::Error)) {
-                self.errors[pixel] = self.errors[pixel].max(error);
-                let error = f64::from(error);
-                if let Some(origins) = &mut self.origins {
-                    let part = |kind| reader.number(record, kind).map_or(0.0, f64::from);
-                    let (rounding, storage) = (part(OutputKind::Rounding), part(OutputKind::Storage));
-                    let discretisation = (error - rounding - storage).max(0.0);
-                    origins.widen(Origins { discretisation, rounding, storage });
-                }
-                most.0 = most.0.max(error);
-                most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));
-            }
-            if let (Some(sum), Some(n)) = (&mut self.evaluations, reader.number(record, OutputKind::Evaluations)) {
-                *sum += n as u64;
-            }
-            reader.fault(record, &mut self.faults);
-            self.filled += 1;
+            self.put(&reader, (y0 + i / width) * self.size[0] as usize + x0 + i % width, record);
         }
+    }
+
+    /// Notes the record of a pixel, counted row by row.
+    pub(super) fn put(&mut self, reader: &Reader, pixel: usize, record: &[f32]) {
+        let own = pixel * self.bands..(pixel + 1) * self.bands;
+        let mut brightest = 0.0f64;
+        let slots = &mut self.radiance[own.clone()];
+        for (band, value) in reader.bands(record, OutputKind::Radiance) {
+            slots[band] = value;
+            brightest = brightest.max(f64::from(value));
+        }
+        if let Some(transmittance) = &mut self.transmittance {
+            let slots = &mut transmittance[own];
+            reader.bands(record, OutputKind::Transmittance).for_each(|(band, value)| slots[band] = value);
+        }
+        let edge = reader.number(record, OutputKind::Edge).is_some_and(|e| e != 0.0);
+        if let (Some(slot), true) = (self.edges.get_mut(pixel), reader.first) {
+            *slot = edge;
+        }
+        // What is allowed follows the brightest band, which may be another part's: this is the stricter.
+        if let (Some(most), Some(error)) = (&mut self.predicted, reader.number(record, OutputKind::Error)) {
+            self.errors[pixel] = self.errors[pixel].max(error);
+            let error = f64::from(error);
+            if let Some(origins) = &mut self.origins {
+                let part = |kind| reader.number(record, kind).map_or(0.0, f64::from);
+                let (rounding, storage) = (part(OutputKind::Rounding), part(OutputKind::Storage));
+                let discretisation = (error - rounding - storage).max(0.0);
+                origins.widen(Origins { discretisation, rounding, storage });
+            }
+            most.0 = most.0.max(error);
+            most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));
+        }
+        if let (Some(sum), Some(n)) = (&mut self.evaluations, reader.number(record, OutputKind::Evaluations)) {
+            *sum += n as u64;
+        }
+        reader.fault(record, &mut self.faults);
+        self.filled += 1;
     }
 }
 

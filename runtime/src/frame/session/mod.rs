@@ -1,5 +1,6 @@
 //! The one place where a scene's text, its grids and an engine come together; the command line and the tests draw through it.
 
+mod adaptive;
 mod canvas;
 mod files;
 mod random;
@@ -193,6 +194,8 @@ pub struct Drawing {
     pub error_kind: &'static str,
     /// Paths of each pixel, if the picture was drawn by chance.
     pub paths: Option<u64>,
+    /// Pixels that were drawn, where the others were filled in.
+    pub drawn: Option<u64>,
     /// Slabs that the media were cut into, if they were.
     pub slabs: Option<u32>,
     /// Splats that they were made of, if they were.
@@ -520,6 +523,7 @@ impl Session {
             slabs: super::Slabs::default(),
             lattice: super::Lattice::default(),
             lean: 0.0,
+            goes_on: false,
             footprints: Arc::default(),
             bricks: self.bricks(params, time, camera.is_some()),
             columns: self.columns_box(params, time),
@@ -553,6 +557,7 @@ impl Session {
             Engine::Gpu(_) if self.is_random() => self.draw_paths(params, time, &camera, progress),
             Engine::Gpu(_) if self.is_sliced() => self.draw_slabs(params, time, &camera, progress),
             Engine::Gpu(_) if self.is_splatted() => self.draw_splats(params, time, &camera, progress),
+            Engine::Gpu(_) if self.program.plan.survey.is_some() => self.draw_adaptive(params, time, &camera, progress),
             Engine::Gpu(_) => self.draw_gpu(params, time, &camera, progress),
             Engine::Cpu | Engine::Reference => self.draw_cpu(params, time, &camera, progress),
         }
@@ -596,6 +601,7 @@ impl Session {
             errors,
             error_kind: "estimate",
             paths: None,
+            drawn: None,
             slabs: None,
             splats: None,
             evaluations,
@@ -671,6 +677,7 @@ impl Session {
                 Scattering::Multiple => reference::ErrorKind::StandardError.name(),
             },
             paths: None,
+            drawn: None,
             slabs: None,
             splats: None,
             evaluations: Some(pixels.evaluations),

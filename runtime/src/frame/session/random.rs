@@ -116,6 +116,7 @@ impl Session {
             errors,
             error_kind: "standard-error",
             paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),
+            drawn: None,
             slabs: None,
             splats: None,
             evaluations: None,

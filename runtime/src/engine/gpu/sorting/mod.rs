@@ -142,6 +142,7 @@ impl Sorting {
             | Binding::Cache
             | Binding::Bounds(_)
             | Binding::Rays
+            | Binding::Survey
             | Binding::Records
             | Binding::Notes
             | Binding::NotesRead

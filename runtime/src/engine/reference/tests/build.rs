@@ -232,6 +232,7 @@ impl Build {
                 steps: None,
                 slices: None,
                 stacks: compiler::ir::Stacks::View,
+                pixels: compiler::ir::Pixels::Every,
                 splats: None,
                 samples: None,
                 max_work: 65536,
