@@ -37,6 +37,9 @@ pub(super) const SKY: u32 = 24;
 pub(super) const MOST_LOOKS: u32 = 12_000;
 /// Depth between the nodes of a cell, and share of it by which two lattices differ, above which nothing is known within the cell.
 const TORN: (f64, f64) = (4.0, 0.2);
+/// What a depth may be wrong by, as a share of the way through a cell times the extinction that its lattice does not have: half of it, which is as
+/// far as a node is away along the way, and half as much again for what changes across it.
+const MISSED: f64 = 0.75;
 /// What a shadow may be wrong by, as a share of the accuracy for light of strength 1.
 const DIM: f64 = 0.1;
 
@@ -317,7 +320,7 @@ impl Tracer<'_> {
         let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
         let off = torn.select(range, apart * (1.0 / 3.0));
         let through_cell = Expr::F32(1.0) / (largest(way.abs(), 3) * f64::from(n - 1));
-        let missed = largest((k_open.clone() + near.clone().field(2)).abs(), dw) * through_cell * 0.5;
+        let missed = largest((k_open.clone() + near.clone().field(2)).abs(), dw) * through_cell * MISSED;
         let asked = inside.and(k_open.component_if(dw, 0).greater_equal(0.0));
         let off = asked.select(off.clone().max(missed.min(1e30)), off);
         code.return_(Expr::Compose(result, vec![near.field(0), off]));

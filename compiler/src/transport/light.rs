@@ -509,7 +509,9 @@ impl Tracer<'_> {
         code.open();
         let nearer = (depth.clone() - off.clone().splat(dw)).max(Expr::F32(0.0).splat(dw));
         let gained = largest((-nearer).exp() - through.clone(), dw);
-        code.add(error, most.clone() * gained.max(0.0));
+        // Or there is something in the way that was not seen.
+        let lost = largest(through.clone(), dw) * (Expr::F32(1.0) - (-off.clone()).exp());
+        code.add(error, most.clone() * gained.max(lost));
         let much = code.close();
         code.open();
         code.add(error, most.clone() * largest(through.clone(), dw) * off.clone());
