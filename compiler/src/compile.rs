@@ -3,9 +3,9 @@
 use crate::backends::{self, REGISTRY};
 use crate::check::hir;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Backend, FieldScene, Scattering};
+use crate::ir::{Backend, FieldScene, Scattering, Stacks};
 use crate::loader::Loader;
-use crate::program::{BandPlace, Ledger, Program};
+use crate::program::{BandPlace, Ledger, Program, RaySource};
 use crate::source::Sources;
 use crate::trial::{self, Change};
 use crate::{Compilation, Options, lower, passes, resolve};
@@ -113,6 +113,10 @@ fn backend(
     let mut optimised = passes::optimise(&lowered, &mut ledger);
     let mut forecasts = backends::forecasts(&optimised, options);
     let wanted = match lowered.render.backend {
+        // Whoever says how planes stand means those of slicing.
+        Backend::Auto if lowered.render.stacks == Stacks::HalfAngle && options.rays == RaySource::Camera => {
+            Backend::Slicing
+        }
         Backend::Auto => backends::choose(&forecasts, &lowered.render),
         asked => asked,
     };

@@ -57,6 +57,13 @@ impl KernelBuilder {
             FrameValue::SlabNormal => ("slab_normal", 3, false),
             FrameValue::SlabStep => ("slab_step", 1, false),
             FrameValue::SlabCount => ("slab_count", 1, true),
+            FrameValue::LightCenter => ("light_center", 3, false),
+            FrameValue::LightForward => ("light_forward", 3, false),
+            FrameValue::LightRight => ("light_right", 3, false),
+            FrameValue::LightUp => ("light_up", 3, false),
+            FrameValue::LightCorner => ("light_corner", 2, false),
+            FrameValue::LightNear => ("light_near", 1, false),
+            FrameValue::LightNodes => ("light_nodes", 2, true),
             FrameValue::BoundsLow => ("bounds_low", 3, false),
             FrameValue::BoundsHigh => ("bounds_high", 3, false),
             FrameValue::LatticeLow => ("lattice_low", 3, false),
@@ -264,6 +271,11 @@ impl KernelBuilder {
     /// What was drawn into a target.
     pub fn target(&mut self, number: u32, name: &str) -> u32 {
         self.resource(name, ResourceKind::Texture2d, Binding::Target(number))
+    }
+
+    /// What light has lost before a slab.
+    pub fn light_target(&mut self, number: u32, name: &str) -> u32 {
+        self.resource(name, ResourceKind::Texture2d, Binding::Light(number))
     }
 
     /// Declares a struct.

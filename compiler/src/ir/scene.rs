@@ -235,6 +235,8 @@ pub enum Stacks {
     View,
     /// Across the axis of the first medium's box that the view is most nearly along.
     Object,
+    /// Across half the angle between the ways of sight and light, so that light is followed from slab to slab.
+    HalfAngle,
 }
 
 /// Which pixels of a picture are drawn.

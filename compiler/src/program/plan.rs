@@ -207,6 +207,20 @@ pub enum FrameValue {
     SlabStep,
     /// u32: how many slabs there are
     SlabCount,
+    /// vec3: where the axis of [`LightBuffer`] crosses the middle of the media
+    LightCenter,
+    /// vec3, unit: the way of light along that axis
+    LightForward,
+    /// vec3: nodes of the buffer per unit of length across it, at the centre
+    LightRight,
+    /// vec3: likewise, across both
+    LightUp,
+    /// vec2: coordinates of node (0, 0)
+    LightCorner,
+    /// f32: one over the distance of the lamp from the centre; 0 for parallel light
+    LightNear,
+    /// vec2 of u32: nodes along both
+    LightNodes,
     /// vec3: lower corner of the box around the bounded media
     BoundsLow,
     /// vec3: its upper corner
@@ -315,7 +329,8 @@ pub enum Binding {
     /// The same, only read.
     NotesRead,
     /// Outlines of slabs: array of f32, three per vertex of a list of triangles: x and y in pixels of the picture, and the number
-    /// of the slab. The farthest slab comes first; then, with [`AGAINST`] added, the nearest.
+    /// of the slab. The farthest slab comes first; then, with [`AGAINST`] added, the nearest. For [`Pass::Alternate`], slab by slab: as
+    /// rays see it that go along the normal; with [`AGAINST`] added, as others do; and as light meets it, in texels of its buffer.
     Outlines,
     /// Coefficients of the splats at the nodes of the lattice, and what they may be wrong by: array of f32. Written to.
     Splats,
@@ -358,6 +373,8 @@ pub enum Binding {
     TileListsWritten,
     /// A target of [`Plan::targets`], by its number: what was drawn into it.
     Target(u32),
+    /// A target of [`LightBuffer::targets`], by its number: what light has lost before the slab at hand.
+    Light(u32),
 }
 
 /// Buffers that a pass of a sort goes from and to; the next pass goes back.
@@ -544,6 +561,30 @@ pub const AGAINST: u32 = 65536;
 /// What a billboard cuts off of a Gaussian's share of an optical depth: e^(−R²/2) for a reach of R = 4.5 deviations.
 pub const SPLAT_CUT: f64 = 4.0e-5;
 
+/// What [`Pass::Alternate`] keeps of light on its way through the slabs: at nodes across its way, what it has lost before the slab
+/// at hand.
+///
+/// With D the way of light along an axis through C, the middle of the media, and κ one over the distance of the lamp from there (0
+/// for parallel light), light goes through the point p along D + κ·(p − C). Across the axis lie R and U, in nodes per unit of
+/// length. The node at p is (R·(p − C), U·(p − C)) / (1 + κ·D·(p − C)) less the corner, and node (0, 0) is texel (0, 0).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LightBuffer {
+    /// Optical depths, one for all bands or one for each, and behind them what they may be wrong by where that is kept. They are
+    /// added up in f32, never multiplied as transmittances.
+    pub targets: Vec<Target>,
+    /// Which media of the scene take light away here: those whose depths have no closed form. The nodes span the boxes around them.
+    pub media: Vec<u32>,
+}
+
+/// The kernels of a draw, by their number in the program.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Draw {
+    /// Of the corners.
+    pub vertex: u32,
+    /// Of the pixels.
+    pub fragment: u32,
+}
+
 /// One dispatch or draw. Kernels are named by their number in the program.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum Pass {
@@ -570,16 +611,31 @@ pub enum Pass {
         /// Of the pixels.
         fragment: u32,
     },
+    /// The triangles of [`Binding::Outlines`] slab by slab, in the order in which light meets them (Kniss et al. 2003): first what is
+    /// seen of a slab, into all targets, and then what light loses in it, into those of the [`LightBuffer`], which `seen` reads. All
+    /// targets are cleared before.
+    ///
+    /// Rays that go against light meet the farthest slab first, and what is [`Blend::Over`] is blended so. Others meet the nearest
+    /// first: their light comes under what is there, source · α of the destination + destination. In both, the α of a
+    /// target is the product of the transmittances so far and begins as 1.
+    Alternate {
+        /// What is seen.
+        seen: Draw,
+        /// What light loses; `None` where that is known otherwise.
+        light: Option<Draw>,
+    },
 }
 
 impl Pass {
     /// The kernels that it runs.
     pub fn kernels(&self) -> impl Iterator<Item = u32> + use<> {
+        let of = |draw: Draw| [Some(draw.vertex), Some(draw.fragment)];
         let (first, second) = match *self {
-            Self::Compute { kernel, .. } | Self::Rounds { kernel, .. } => (kernel, None),
-            Self::Raster { vertex, fragment, .. } => (vertex, Some(fragment)),
+            Self::Compute { kernel, .. } | Self::Rounds { kernel, .. } => ([Some(kernel), None], None),
+            Self::Raster { vertex, fragment, .. } => ([Some(vertex), Some(fragment)], None),
+            Self::Alternate { seen, light } => (of(seen), light.map(of)),
         };
-        [Some(first), second].into_iter().flatten()
+        first.into_iter().chain(second.into_iter().flatten()).flatten()
     }
 }
 
@@ -682,6 +738,8 @@ pub struct Plan {
     pub passes: Vec<Pass>,
     /// What is drawn into.
     pub targets: Vec<Target>,
+    /// What light has lost, where slabs are lit one after another.
+    pub light: Option<LightBuffer>,
     /// f32 of [`Binding::Notes`] per invocation.
     pub notes: u32,
     /// f32 of [`Binding::Carried`] per invocation.

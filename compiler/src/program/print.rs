@@ -196,6 +196,10 @@ pub fn print_plan(program: &Program) -> String {
                 RaySource::List => "buffer of lists of them for rays".into(),
             },
             Binding::Target(i) => format!("target {}", plan.targets[*i as usize].name),
+            Binding::Light(i) => {
+                let name = plan.light.as_ref().map_or("", |light| &light.targets[*i as usize].name);
+                format!("target {name}, as it is before a slab")
+            }
         };
         let _ = writeln!(out, "    {i} {what}");
     }
@@ -259,6 +263,28 @@ pub fn print_plan(program: &Program) -> String {
                 };
                 writeln!(out, "    {} and {} draw {what}, farthest first", name(vertex), name(fragment))
             }
+            Pass::Alternate { seen, light } => {
+                let _ = writeln!(
+                    out,
+                    "    for each slab across half the angle between view and light, as light meets them:"
+                );
+                let order = "over what is there where light comes towards the eye, else under it";
+                let drawn = writeln!(
+                    out,
+                    "        {} and {} draw its outline as it is seen, {order}",
+                    name(&seen.vertex),
+                    name(&seen.fragment)
+                );
+                match light {
+                    Some(light) => writeln!(
+                        out,
+                        "        {} and {} draw it as light meets it, into the buffer of light that the next one reads",
+                        name(&light.vertex),
+                        name(&light.fragment)
+                    ),
+                    None => drawn,
+                }
+            }
         };
     }
     if plan.repeats > 1 {
@@ -274,7 +300,7 @@ pub fn print_plan(program: &Program) -> String {
         };
         let _ = writeln!(out, "blended by {how}");
     }
-    for target in &plan.targets {
+    for target in plan.targets.iter().chain(plan.light.iter().flat_map(|light| &light.targets)) {
         let blend = match target.blend {
             Blend::Over => "over what is behind it",
             Blend::Add => "added",

@@ -158,7 +158,7 @@ fn camera(
     let ray = camera.ray(&mut code, "ray", at_x.clone(), at_y.clone());
     let end = pieces.end(&mut code, &ray.origin, &ray.direction, &ray.from);
     let (first, step) = match aimed {
-        Aimed::Planes(Stacks::Object) => {
+        Aimed::Planes(Stacks::Object | Stacks::HalfAngle) => {
             let normal = code.bind("normal", Ty::VEC3, builder.frame(FrameValue::SlabNormal));
             let off = ray.origin.clone() - builder.frame(FrameValue::CameraAnchor);
             let start = builder.frame(FrameValue::SlabStart) - off.dot(normal.clone());

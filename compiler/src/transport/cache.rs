@@ -36,7 +36,7 @@ pub(super) const SKY: u32 = 24;
 /// Evaluations along a ray of which some look up columns: drivers that end loops after 65535 rounds get this far.
 pub(super) const MOST_LOOKS: u32 = 12_000;
 /// Depth between the nodes of a cell, and share of it by which two lattices differ, above which nothing is known within the cell.
-const TORN: (f64, f64) = (4.0, 0.2);
+pub(super) const TORN: (f64, f64) = (4.0, 0.2);
 /// What a depth may be wrong by, as a share of the way through a cell times the extinction that its lattice does not have: half of it, which is as
 /// far as a node is away along the way, and half as much again for what changes across it.
 const MISSED: f64 = 0.75;
@@ -327,8 +327,12 @@ impl Tracer<'_> {
         self.builder.add_function(code.finish(Some(result)))
     }
 
-    /// How many columns a gathering looks up: they count as evaluations.
+    /// How many columns a gathering looks up: they count as evaluations. Of light that is followed from slab to slab, the way back to
+    /// the plane is evaluated.
     pub(super) fn looks(&self) -> Option<u32> {
+        if self.buffered.is_some() {
+            return Some(1);
+        }
         let sky = if self.scene.environment { SKY } else { 0 };
         self.cache.as_ref().map(|_| self.of_kind(false) + DISC * self.of_kind(true) + sky)
     }

@@ -31,7 +31,8 @@ pub(crate) struct Layers {
 }
 
 impl Layers {
-    pub(crate) fn new(pieces: &Pieces, precision: Precision) -> Self {
+    /// `either`: whether pieces may be blended from either side, for which targets of light keep their transmittance.
+    pub(crate) fn new(pieces: &Pieces, precision: Precision, either: bool) -> Self {
         let width = |part| pieces.place(part).map_or(0, |i| components(pieces.parts[i as usize].1));
         let (light, depth) = (width(Part::Light), width(Part::Depth));
         let mut layers = Self { targets: vec![], channels: vec![], precision };
@@ -44,6 +45,9 @@ impl Layers {
             };
             let channels = bands.iter().map(|b| (Part::Light, *b)).collect();
             layers.push(name, Blend::Over, channels);
+            if let (true, Some(target)) = (either, layers.targets.last_mut()) {
+                target.channels = 4;
+            }
         }
         let sums = (0..depth).map(|b| (Part::Depth, b));
         let sums = sums.chain([Part::Work, Part::Error].into_iter().filter(|p| width(*p) > 0).map(|p| (p, 0)));

@@ -36,6 +36,8 @@ pub(super) struct InScattered {
     pub(super) unsure: bool,
     /// Whether it takes the extinction there of the media whose depths are kept.
     pub(super) k_open: bool,
+    /// Whether it takes where the plane is behind which light is looked up.
+    pub(super) plane: bool,
 }
 
 impl InScattered {
@@ -99,6 +101,8 @@ struct Gathered {
     unsure: Option<Expr>,
     /// Extinction there of the media whose depths are kept.
     k_open: Option<Expr>,
+    /// The plane behind which light is looked up.
+    plane: Option<Expr>,
     work: Option<LocalId>,
 }
 
@@ -453,7 +457,12 @@ impl Tracer<'_> {
         (dw, lw): (u8, u8),
     ) {
         let mut through = None;
-        if let Some(cache) = self.cache.clone() {
+        if let Some((buffered, plane)) = self.buffered.clone().zip(into.plane.clone()) {
+            let (depth, off) = self.look_back(code, &buffered, p, sample, &plane);
+            let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
+            self.count_unsure(code, into, most, (&depth, &t), off);
+            through = Some(widen(t, dw, lw));
+        } else if let Some(cache) = self.cache.clone() {
             let (depth, off) = self.look_up(code, &cache, p, sample, into.k_open.as_ref());
             let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
             self.count_unsure(code, into, most, (&depth, &t), Some(off));
@@ -532,11 +541,13 @@ impl Tracer<'_> {
         Gathered {
             sums,
             error: (!alternating.is_empty()
-                || (wants_error && (self.cache.is_some() || shadow.is_some_and(|s| s.error.is_some()))))
+                || (wants_error
+                    && (self.cache.is_some() || self.buffered.is_some() || shadow.is_some_and(|s| s.error.is_some()))))
             .then(|| code.var("error", Ty::F32, 0.0)),
             alternating,
             unsure: None,
             k_open: None,
+            plane: None,
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
         }
     }
@@ -545,6 +556,7 @@ impl Tracer<'_> {
     fn return_sums(&mut self, mut code: Code, name: &str, gathered: &Gathered, values: Vec<Expr>) -> InScattered {
         let lw = self.scene.light_width;
         let (unsure, k_open) = (gathered.unsure.is_some(), gathered.k_open.is_some());
+        let plane = gathered.plane.is_some();
         for (number, alternating) in &gathered.alternating {
             let Some(error) = gathered.error else { continue };
             // Half the samples of a sky alone would be wrong by about half this difference, all of them by less. A disc is cut by
@@ -559,7 +571,7 @@ impl Tracer<'_> {
             let result = Ty::float(lw);
             code.return_(values.into_iter().next().unwrap_or(Expr::F32(0.0)));
             let function = self.builder.add_function(code.finish(Some(result)));
-            return InScattered { function, result, many, error: None, work: None, unsure, k_open };
+            return InScattered { function, result, many, error: None, work: None, unsure, k_open, plane };
         }
         let mut fields: Vec<(String, Ty)> = (0..count).map(|i| (format!("light_{i}"), Ty::float(lw))).collect();
         let mut values = values;
@@ -574,7 +586,7 @@ impl Tracer<'_> {
         let result = self.builder.add_struct(name, fields);
         code.return_(Expr::Compose(result, values));
         let function = self.builder.add_function(code.finish(Some(result)));
-        InScattered { function, result, many, error: place[0], work: place[1], unsure, k_open }
+        InScattered { function, result, many, error: place[0], work: place[1], unsure, k_open, plane }
     }
 
     /// Writes `in_scattered`, if some medium scatters light of some light.
@@ -587,11 +599,13 @@ impl Tracer<'_> {
         let p = code.parameter("p", Ty::VEC3);
         let direction = code.parameter("direction", Ty::VEC3);
         let mut gathered = self.declare_sums(&mut code, functions.len());
-        if gathered.error.is_some() && (self.shadow.is_some() || self.cache.is_some()) {
+        let deep = self.shadow.is_some() || self.cache.is_some() || self.buffered.is_some();
+        if gathered.error.is_some() && deep {
             gathered.unsure = Some(code.parameter("unsure", Ty::F32));
             let wide = Ty::float(self.scene.depth_width);
             gathered.k_open = self.cache.is_some().then(|| code.parameter("k_open", wide));
         }
+        gathered.plane = self.buffered.as_ref().map(|_| code.parameter("plane", Ty::F32));
         let means = self.scene.phases.iter().map(|f| f.mean_cosine);
         let narrow = means.fold(0.0f64, |a, g| if g.abs() > a.abs() { g } else { a });
         // Directions drawn for one narrow lobe serve a wide one badly.

@@ -20,6 +20,8 @@ const PURSE: f64 = 0.25;
 const BITE: f64 = 0.125;
 /// Pieces of a slab that are never too many.
 const LEAST_PIECES: f64 = 64.0;
+/// Longest piece of a ray in a slab that is lit by the one before, in thicknesses: rays are turned by up to 45° anyway.
+const LONGEST: f64 = 2.0;
 /// How far inside a step samples stay of its ends where fields jump: bisections end within a millionth of a step.
 const INSET: f64 = 4e-6;
 
@@ -35,7 +37,7 @@ impl Tracer<'_> {
         };
         match self.rule {
             StepRule::Fixed(_) => self.march_fixed(code, state, media, segment, &length, &reach),
-            StepRule::Slabs { .. } | StepRule::Splats { .. } if matches!(self.walk, Walk::Eye) => {
+            StepRule::Slabs { .. } | StepRule::Splats { .. } if matches!(self.walk, Walk::Eye | Walk::Light) => {
                 self.march_slab(code, state, media, segment, &length);
             }
             StepRule::Closed
@@ -57,10 +59,21 @@ impl Tracer<'_> {
         length: &Expr,
         reach: &Expr,
     ) {
-        let (ray, a) = (&segment.ray, &segment.a);
         let steps = self.builder.frame(FrameValue::Steps).convert(Prim::F32);
         let share = Expr::math(Math::Ceil, [steps * (length.clone() / reach.clone()) - 1e-4]);
-        let count = code.bind("count", Ty::F32, share.max(1.0));
+        self.midpoints(code, state, media, segment, (length, share.max(1.0)));
+    }
+
+    /// So many steps of equal length.
+    fn midpoints(
+        &mut self,
+        code: &mut Code,
+        state: &State,
+        media: &[Medium<'_>],
+        Segment { ray, a, .. }: &Segment,
+        (length, count): (&Expr, Expr),
+    ) {
+        let count = code.bind("count", Ty::F32, count);
         let h = code.bind("h", Ty::F32, length.clone() / count.clone());
         let i = code.var("step", Ty::F32, 0.0);
         code.open();
@@ -75,12 +88,28 @@ impl Tracer<'_> {
         code.push_loop(block);
     }
 
+    /// Where planes stand across half an angle, rays of a wide view may go along them for far longer than slabs are thick.
+    fn longest_across(&mut self, code: &mut Code) -> Option<Expr> {
+        if !self.half_angle || !matches!(self.walk, Walk::Eye) {
+            return None;
+        }
+        let step = self.builder.frame(FrameValue::SlabStep);
+        Some(code.bind("longest", Ty::F32, step * LONGEST))
+    }
+
     /// The midpoint rule over what is inside a slab, cut where a field jumps and fine where something is narrow.
     fn march_slab(&mut self, code: &mut Code, state: &State, media: &[Medium<'_>], segment: &Segment, length: &Expr) {
         let Segment { ray, a, b, .. } = segment;
         let stops = self.stops(code, ray, media);
+        let longest = self.longest_across(code);
         if !stops.any() {
-            self.midpoint(code, state, media, ray, (a.clone() + b.clone()) * 0.5, length);
+            match longest {
+                None => self.midpoint(code, state, media, ray, (a.clone() + b.clone()) * 0.5, length),
+                Some(longest) => {
+                    let count = Expr::math(Math::Ceil, [length.clone() / longest - 1e-4]);
+                    self.midpoints(code, state, media, segment, (length, count.max(1.0).min(LEAST_PIECES)));
+                }
+            }
             return;
         }
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
@@ -95,11 +124,14 @@ impl Tracer<'_> {
         let rest = code.bind("rest", Ty::F32, length.clone() - Expr::Local(s));
         code.break_if(rest.clone().less_equal(0.0));
         let from = code.bind("from", Ty::F32, a.clone() + Expr::Local(s));
+        let wanted = longest.map_or(rest.clone(), |longest| rest.clone().min(longest));
         let Stride { step, crosses, place, .. } =
-            self.stride(code, &stops, (ray, media), &from, [rest.clone(), rest.clone(), shortest.clone()]);
+            self.stride(code, &stops, (ray, media), &from, [wanted, rest.clone(), shortest.clone()]);
         let spent = code.bind("spent", Ty::BOOL, Expr::Local(pieces).greater_equal(cap));
         let step = code.bind("piece", Ty::F32, spent.clone().select(rest.clone(), step));
-        if let Some(error) = state.error {
+        if matches!(self.walk, Walk::Light) {
+            self.lose_sight(code, state, &spent);
+        } else if let Some(error) = state.error {
             // What lies in the rest is anybody's guess, and counts as wrong.
             let white = self.builder.frame(FrameValue::White);
             let seen = match state.depth {
@@ -317,7 +349,7 @@ impl Tracer<'_> {
             let off = match self.walk {
                 // The halves are wrong by less than a quarter of the difference on anything smooth.
                 Walk::Shadow { .. } => off * Expr::F32(0.25).splat(dw),
-                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => off,
+                Walk::Eye | Walk::Light | Walk::Path(_) | Walk::Ratio(_) => off,
             };
             let off = code.bind("depth_off", Ty::float(dw), off);
             // Through the thinner of the two estimates, what lies behind is seen.
@@ -325,7 +357,7 @@ impl Tracer<'_> {
             let seen = through.clone() * off.clone().min(Expr::F32(1.0).splat(dw));
             let seen = code.bind("seen_error", Ty::F32, largest(seen, dw));
             let allowed = match &self.walk {
-                Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => accuracy.clone(),
+                Walk::Eye | Walk::Light | Walk::Path(_) | Walk::Ratio(_) => accuracy.clone(),
                 // Half goes to the shadows, relative to the light that comes through, or to white.
                 Walk::Shadow { dim } => accuracy.clone() * 0.5 * dim.clone().max(largest(through.clone(), dw)),
             };
@@ -497,7 +529,9 @@ impl Tracer<'_> {
                 let left = match self.walk {
                     // The error of a shadow is one of depth.
                     Walk::Shadow { .. } => share,
-                    Walk::Eye | Walk::Path(_) | Walk::Ratio(_) => share * self.builder.frame(FrameValue::White),
+                    Walk::Eye | Walk::Light | Walk::Path(_) | Walk::Ratio(_) => {
+                        share * self.builder.frame(FrameValue::White)
+                    }
                 };
                 state.add_error(code, Origin::Storage, left);
             }

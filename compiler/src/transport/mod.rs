@@ -10,6 +10,7 @@ mod cache;
 mod closed;
 pub(crate) mod edges;
 mod endless;
+pub(crate) mod half;
 pub(crate) mod layers;
 mod light;
 mod march;

@@ -480,7 +480,8 @@ impl Tracer<'_> {
             fault_at: None,
             projected: None,
         };
-        self.follow_towards(&mut code, Walk::Ratio(ratio.clone()), (&ray, &state), sdfs, limit);
+        let stretch = Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None };
+        self.follow_towards(&mut code, Walk::Ratio(ratio.clone()), (&ray, &state), sdfs, &stretch);
         let depth = state.depth.map_or(Expr::F32(0.0), Expr::Local);
         code.return_(Expr::Local(ratio.weight) * (-depth).exp());
         Some(self.builder.add_function(code.finish(Some(Ty::float(dw)))))

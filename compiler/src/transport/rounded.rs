@@ -1,7 +1,7 @@
 //! What rounding makes of the ends of stretches of a ray, as an error of what is seen.
 
 use super::shapes::FAR;
-use super::trace::{Origin, Segment, State, Tracer, largest, widen};
+use super::trace::{Origin, Segment, State, Tracer, Walk, largest, widen};
 use crate::fields::Code;
 use crate::program::FrameValue;
 use crate::program::StepRule;
@@ -60,12 +60,21 @@ impl Tracer<'_> {
         (place, step): (&Expr, &Expr),
         before: [Option<Expr>; 2],
     ) {
-        if let Some(all) = self.moved(code, state, before) {
+        let all = match self.walk {
+            Walk::Light => self.added(state, before),
+            Walk::Eye | Walk::Shadow { .. } | Walk::Path(_) | Walk::Ratio(_) => self.moved(code, state, before),
+        };
+        if let Some(all) = all {
             let off = place.clone() / step.clone().max(1e-37);
             let jumps = Expr::Local(touched).or(crosses.clone());
             state.add_error(code, Origin::Rounding, jumps.select(off.min(1.0) * all, 0.0));
         }
         code.set(touched, crosses.clone());
+    }
+
+    /// The optical depth that was added since `before`.
+    fn added(&self, state: &State, [before, _]: [Option<Expr>; 2]) -> Option<Expr> {
+        before.zip(state.depth).map(|(before, depth)| largest(Expr::Local(depth) - before, self.scene.depth_width))
     }
 
     /// What a stretch moves the picture by for its length, in what was added since `before`: a length of `l` that is off by δ is off

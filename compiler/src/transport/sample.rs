@@ -157,6 +157,7 @@ impl Tracer<'_> {
             let known = sums.k_open.or(sums.extinction).map(Expr::Local);
             arguments.push(known.unwrap_or_else(|| Expr::F32(0.0).splat(dw)));
         }
+        arguments.extend(self.plane.clone().filter(|_| lights.plane));
         let gathered = code.bind("in_scattered", lights.result, Expr::Call(lights.function, arguments));
         for (i, k_s) in scattering.iter().enumerate() {
             code.add(source, Expr::Local(*k_s) * lights.light(&gathered, i));

@@ -4,6 +4,7 @@
 //! (Hillaire 2015), which is of second order in the thickness. It is cut at every boundary of a shape, where a field jumps and
 //! around what is narrow, so that order is kept there, and what has a closed form costs no sample.
 
+use super::half::LightSlabs;
 use super::shapes::{FAR, Ray};
 use super::sheets::Nearest;
 use super::trace::{Apart, State, Stretch, Traced, Tracer, cut_short, widen};
@@ -41,7 +42,8 @@ impl Part {
 
 /// The functions of a ray in pieces, which are blended.
 pub(crate) struct Pieces {
-    /// `slab(origin, direction, from, to)`, or of splats; where steps are shared out, `part_of` as well: the length
+    /// `slab(origin, direction, from, to)`, or of splats; where slabs are lit one after another, `plane` as well: how far the near one
+    /// of its planes, as light meets them, is from the anchor along the normal; where steps are shared out, `part_of` as well: the length
     /// of what the piece is a part of, or 0 if it is the whole.
     pub(crate) piece: FunctionId,
     pub(crate) result: Ty,
@@ -61,6 +63,8 @@ pub(crate) struct Pieces {
     pub(crate) means: FunctionId,
     /// `through_box(origin, direction, low, high)`: where a ray is inside a box.
     pub(crate) through_box: FunctionId,
+    /// What light loses from slab to slab.
+    pub(crate) light: Option<LightSlabs>,
     /// What fills the cache of light, and its entry point.
     pub(crate) fill: Option<(FillPass, Function)>,
 }
@@ -91,6 +95,7 @@ impl Tracer<'_> {
         let controlled =
             matches!(self.rule, StepRule::Adaptive(_) | StepRule::Fixed(_)) && !self.scene.matter.is_empty();
         let part_of = controlled.then(|| code.parameter("part_of", Ty::F32));
+        self.plane = self.buffered.as_ref().map(|_| code.parameter("plane", Ty::F32));
         let state = self.declare(&mut code, ledger);
         self.follow(
             &mut code,
@@ -125,6 +130,7 @@ impl Tracer<'_> {
         let given: Vec<_> = there.iter().map(|t| (t.0, t.2)).collect();
         let footprint = self.write_footprint(&given, result, false);
         let means = self.write_footprint(&given, result, true);
+        let light = self.buffered.as_ref().map(|b| b.slabs.clone());
         let nearest = self.nearest;
         let through_box = self.spans.boxes(self.builder);
 
@@ -148,7 +154,7 @@ impl Tracer<'_> {
         });
         let whole = self.finish(code, &ray, &state, hit.as_ref(), reflected.as_ref());
         let parts = there.into_iter().map(|(part, _, ty, _)| (part, ty)).collect();
-        Pieces { piece: slab, result, controlled, parts, nearest, whole, footprint, means, through_box, fill }
+        Pieces { piece: slab, result, controlled, parts, nearest, whole, footprint, means, through_box, light, fill }
     }
 
     fn write_footprint(&mut self, parts: &[(Part, Ty)], result: Ty, back: bool) -> FunctionId {

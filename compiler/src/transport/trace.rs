@@ -64,6 +64,8 @@ pub(super) enum Walk {
     Eye,
     /// The optical depth towards a light, to within this share of the transmittance or of `accuracy`.
     Shadow { dim: Expr },
+    /// What light loses in a slab, on the way to it.
+    Light,
     /// A flight of a path, to its next collision.
     Path(super::paths::Flight),
     /// An unbiased estimate of the transmittance towards a light.
@@ -88,6 +90,12 @@ pub(crate) struct Tracer<'a> {
     pub(super) in_scattered: Option<InScattered>,
     /// Columns of light that are kept.
     pub(super) cache: Option<super::cache::Cache>,
+    /// Whether light is followed from slab to slab.
+    pub(super) half_angle: bool,
+    /// How, where that is worth it.
+    pub(super) buffered: Option<super::half::Buffered>,
+    /// While a slab is written: where its near plane is.
+    pub(super) plane: Option<Expr>,
     /// Which media a shadow is of; `None` is all.
     pub(super) only: Option<fn(&Self, &Matter) -> bool>,
     /// Of paths.
@@ -208,6 +216,9 @@ impl<'a> Tracer<'a> {
             shadow: None,
             in_scattered: None,
             cache: None,
+            half_angle: false,
+            buffered: None,
+            plane: None,
             only: None,
             random: None,
             transmitted: None,
@@ -266,7 +277,12 @@ impl Tracer<'_> {
     ) -> Option<(crate::program::FillPass, crate::program::kernel::Function)> {
         self.nearest = self.write_nearest();
         let mut fill = None;
-        if self.scene.is_lit() && self.caches() {
+        if self.half_angle && self.scene.is_lit() {
+            self.buffered = self.write_buffer(sdfs, ledger);
+            if self.buffered.is_none() {
+                self.shadow = self.write_shadow(sdfs);
+            }
+        } else if self.scene.is_lit() && self.caches() {
             if let Some((cache, entry)) = self.write_cache(sdfs) {
                 ledger.omit("steps towards lights at every sample", "columns of light are kept on a lattice", None);
                 fill = Some((cache.fill.clone(), entry));
@@ -276,6 +292,10 @@ impl Tracer<'_> {
             self.shadow = self.write_shadow(sdfs);
         }
         self.in_scattered = self.write_in_scattered(ledger);
+        // What falls on surfaces has crossed slabs that the buffer is not at.
+        if self.buffered.is_some() && self.scene.sheets.iter().any(|s| s.albedo.is_some()) {
+            self.shadow = self.write_shadow(sdfs);
+        }
         fill
     }
 
@@ -321,7 +341,8 @@ impl Tracer<'_> {
             fault_at: None,
             projected: None,
         };
-        self.follow_towards(&mut code, Walk::Shadow { dim }, (&ray, &state), sdfs, limit);
+        let stretch = Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None };
+        self.follow_towards(&mut code, Walk::Shadow { dim }, (&ray, &state), sdfs, &stretch);
         let depth = Expr::Local(state.depth?);
         let extra = [state.error.map(|e| ("error", Expr::Local(e))), state.work.map(|w| ("work", Expr::Local(w)))];
         if extra.iter().all(Option::is_none) {
@@ -346,18 +367,17 @@ impl Tracer<'_> {
         Some(Shadow { function, result, error: places[0], work: places[1], stepped })
     }
 
-    /// Follows a ray towards a light, at this distance, on a walk of its own.
+    /// Follows a part of a ray towards a light, on a walk of its own.
     pub(super) fn follow_towards(
         &mut self,
         code: &mut Code,
         walk: Walk,
         (ray, state): (&Ray, &State),
         sdfs: &[Option<SdfFunctions>],
-        limit: Expr,
+        stretch: &Stretch,
     ) {
         let (walk, wanted) = (std::mem::replace(&mut self.walk, walk), std::mem::take(&mut self.wanted));
-        let stretch = Stretch { start: Expr::F32(0.0), end: Some(limit), whole: None };
-        self.follow(code, ray, state, sdfs, &stretch, None);
+        self.follow(code, ray, state, sdfs, stretch, None);
         (self.walk, self.wanted) = (walk, wanted);
     }
 
@@ -532,7 +552,7 @@ impl Tracer<'_> {
     pub(super) fn steps(&self, matter: &Matter) -> bool {
         match self.walk {
             Walk::Eye => matter.steps,
-            Walk::Shadow { .. } | Walk::Ratio(_) => self.open_depth(matter),
+            Walk::Shadow { .. } | Walk::Light | Walk::Ratio(_) => self.open_depth(matter),
             Walk::Path(_) => true,
         }
     }
@@ -641,7 +661,7 @@ impl Tracer<'_> {
                 self.lit_segment(code, state, media, segment);
                 self.count_rounded_ends(code, state, segment, before);
             }
-            Walk::Shadow { .. } => self.lit_segment(code, state, media, segment),
+            Walk::Shadow { .. } | Walk::Light => self.lit_segment(code, state, media, segment),
             Walk::Path(flight) => self.fly(code, state, media, segment, &flight),
             Walk::Ratio(ratio) => self.ratio(code, state, media, segment, &ratio),
         }

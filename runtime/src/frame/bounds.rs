@@ -130,8 +130,18 @@ fn corners(p: &Primitive, of: &Evaluate<'_>) -> Option<[Vec3; 8]> {
 /// Corners of boxes that hold the bounded media, as [`corners`] numbers them; of media without an end, none.
 #[must_use]
 pub(super) fn media_boxes(scene: &FieldScene, params: &[Vec<f64>], time: f64) -> Vec<[Vec3; 8]> {
+    boxes_of(scene, &scene.media, (params, time))
+}
+
+/// The same of some media.
+#[must_use]
+pub(super) fn boxes_of<'a>(
+    scene: &FieldScene,
+    media: impl IntoIterator<Item = &'a Medium>,
+    (params, time): (&[Vec<f64>], f64),
+) -> Vec<[Vec3; 8]> {
     let of = |nodes: &[NodeId]| evaluate_frame(&scene.graph, nodes, params, time);
-    let all = scene.media.iter().filter_map(|m| boxes(&m.shape, &of)).flatten();
+    let all = media.into_iter().filter_map(|m| boxes(&m.shape, &of)).flatten();
     all.filter(|corners| corners.iter().all(|c| is_finite(*c))).collect()
 }
 

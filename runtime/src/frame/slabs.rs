@@ -1,14 +1,26 @@
 //! Slabs across the view or across an axis of the media, and their outlines in the picture: what slicing draws.
 
 use super::vector::{add, cross, dot, normalize, scale, sub};
-use super::{Camera, Eye, Vec3, View};
+use super::{Camera, Eye, HalfAngle, LightNodes, Vec3, View};
 use compiler::ir::Stacks;
 use compiler::program::AGAINST;
+use std::ops::Range;
 
 /// Pixels by which outlines are wider than what they hold: rays go through any point of a pixel, and rounding must not cut.
 const MARGIN: f64 = 1.5;
 /// An outline that reaches farther than this from the picture, in pixels, is taken to cover all of it.
 const FARTHEST: f64 = 1e6;
+
+/// The corners of one slab's outlines, where light meets one after another.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Turn {
+    /// As rays see it that go along the normal.
+    pub along: Range<u32>,
+    /// As others do.
+    pub against: Range<u32>,
+    /// As light meets it, in texels of its buffer.
+    pub light: Range<u32>,
+}
 
 /// Slabs between planes across the view. Lengths are in the scene's units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,6 +38,10 @@ pub struct Slabs {
     /// Triangles, three corners each, the farthest slab first: x and y in pixels of the picture, and the number of the slab,
     /// counted from the eye.
     pub outlines: Vec<[f32; 3]>,
+    /// Where light meets them one after another: which of the corners are whose, the slab nearest to the light first.
+    pub turns: Vec<Turn>,
+    /// What keeps it from slab to slab.
+    pub light: LightNodes,
 }
 
 /// Pairs of corners that an edge of a box joins: those whose numbers differ in one bit.
@@ -39,19 +55,19 @@ impl Slabs {
     pub fn of_view(boxes: &[[Vec3; 8]], eye: &Eye, camera: &Camera, (stacks, count): (Stacks, u32)) -> Self {
         let normal = match stacks {
             Stacks::View => eye.forward,
-            Stacks::Object => axis(boxes, eye.forward),
+            Stacks::Object | Stacks::HalfAngle => axis(boxes, eye.forward),
         };
         let depths = || boxes.iter().flatten().map(|p| dot(sub(*p, eye.anchor), normal));
         // Nothing is seen behind the eye; planes across the media stay where they are.
         let nearest = match stacks {
             Stacks::View => -eye.plane,
-            Stacks::Object => f64::NEG_INFINITY,
+            Stacks::Object | Stacks::HalfAngle => f64::NEG_INFINITY,
         };
         let near = depths().fold(f64::INFINITY, f64::min).max(nearest);
         let far = depths().fold(f64::NEG_INFINITY, f64::max);
         let bounds = bounds(boxes);
         if far <= near || count == 0 || camera.size.contains(&0) {
-            return Self { normal, start: 0.0, step: 1.0, count, bounds, outlines: vec![] };
+            return Self { normal, step: 1.0, count, bounds, ..Self::default() };
         }
         // A little more, so that rounding leaves nothing outside.
         let slack = 1e-6 * (far - near);
@@ -70,7 +86,58 @@ impl Slabs {
         if meets_from_behind(normal, eye, camera) {
             (0..count).for_each(|slab| draw(slab, AGAINST));
         }
-        Self { normal, start, step, count, bounds, outlines }
+        Self { normal, start, step, count, bounds, outlines, ..Self::default() }
+    }
+
+    /// `count` slabs across the boxes in the order in which light meets them. It is followed through those that are `open`.
+    #[must_use]
+    pub fn half_angle(
+        (boxes, open): (&[[Vec3; 8]], &[[Vec3; 8]]),
+        eye: &Eye,
+        camera: &Camera,
+        (half, count): (&HalfAngle, u32),
+    ) -> Self {
+        let normal = half.normal;
+        let depths = || boxes.iter().flatten().map(|p| dot(sub(*p, eye.anchor), normal));
+        let near = depths().fold(f64::INFINITY, f64::min);
+        let far = depths().fold(f64::NEG_INFINITY, f64::max);
+        let bounds = bounds(boxes);
+        if far <= near || count == 0 || camera.size.contains(&0) {
+            return Self { normal, step: 1.0, count, bounds, ..Self::default() };
+        }
+        let slack = 1e-6 * (far - near);
+        let start = near - slack;
+        let step = (far + slack - start) / f64::from(count);
+        let light = half.nodes(open, step);
+        let [some_along, some_against] = facings(normal, eye, camera);
+        let mut outlines = vec![];
+        let mut add = |outline: &[[f64; 2]], number: u32| {
+            let first = outlines.len() as u32;
+            let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, number as f32];
+            for pair in outline.windows(2).skip(1) {
+                outlines.extend([corner(outline[0]), corner(pair[0]), corner(pair[1])]);
+            }
+            first..outlines.len() as u32
+        };
+        let mut turns = vec![];
+        for slab in 0..count {
+            let low = start + f64::from(slab) * step;
+            let seen = outline(boxes, normal, (low, low + step), eye, camera);
+            let along = add(if some_along { &seen } else { &[] }, slab);
+            let against = add(if some_against { &seen } else { &[] }, slab + AGAINST);
+            let parts = open.iter().flat_map(|b| part(b, &|p| dot(sub(*p, eye.anchor), normal), (low, low + step)));
+            let texels = parts.map(|p| light.node(p).map(|x| x + 0.5)).flat_map(around);
+            let light = add(&hull(texels.collect()), slab);
+            turns.push(Turn { along, against, light });
+        }
+        // What comes behind all that is seen is not asked for.
+        while turns.last().is_some_and(|t| t.along.is_empty() && t.against.is_empty()) {
+            turns.pop();
+        }
+        if let Some(last) = turns.last_mut() {
+            last.light = 0..0;
+        }
+        Self { normal, start, step, count, bounds, outlines, turns, light }
     }
 
     /// `count` parts of each ray of a list within the boxes. The list is drawn as a picture one pixel high.
@@ -86,7 +153,7 @@ impl Slabs {
         let [low, high] = bounds(boxes);
         let slack: Vec3 = std::array::from_fn(|k| 1e-6 * (high[k] - low[k]));
         let bounds = [sub(low, slack), add(high, slack)];
-        Self { normal: [0.0; 3], start: 0.0, step: 1.0, count, bounds, outlines }
+        Self { step: 1.0, count, bounds, outlines, ..Self::default() }
     }
 }
 
@@ -101,15 +168,45 @@ fn axis(boxes: &[[Vec3; 8]], forward: Vec3) -> Vec3 {
 
 /// Whether some ray of the picture goes against the normal of the planes, or along them.
 fn meets_from_behind(normal: Vec3, eye: &Eye, camera: &Camera) -> bool {
-    let [width, height] = camera.size.map(f64::from);
-    let aspect = width / height;
     match camera.view {
         View::Orthographic { .. } => false,
+        View::Perspective { .. } | View::Panorama => facings(normal, eye, camera)[1],
+    }
+}
+
+/// Whether some ray of the picture goes along a normal, and whether some goes against it; one across it may do either.
+fn facings(normal: Vec3, eye: &Eye, camera: &Camera) -> [bool; 2] {
+    let [width, height] = camera.size.map(f64::from);
+    let aspect = width / height;
+    let corners = match camera.view {
+        View::Orthographic { .. } => vec![eye.forward],
         View::Perspective { .. } | View::Panorama => [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
             .iter()
             .map(|[u, v]| add(eye.forward, add(scale(eye.right, u * aspect), scale(eye.up, *v))))
-            .any(|direction| dot(direction, normal) <= 1e-6),
+            .collect(),
+    };
+    let facing = |corner: &Vec3| dot(*corner, normal);
+    [corners.iter().any(|c| facing(c) >= -1e-6), corners.iter().any(|c| facing(c) <= 1e-6)]
+}
+
+/// Corners of the part of a box that lies between two depths.
+fn part(corners: &[Vec3; 8], depth: &dyn Fn(&Vec3) -> f64, (low, high): (f64, f64)) -> Vec<Vec3> {
+    let mut held: Vec<Vec3> = corners.iter().copied().filter(|p| (low..=high).contains(&depth(p))).collect();
+    for (a, b) in edges() {
+        let (a, b) = (corners[a], corners[b]);
+        let (from, to) = (depth(&a), depth(&b));
+        for plane in [low, high] {
+            if (from - plane) * (to - plane) < 0.0 {
+                held.push(add(a, scale(sub(b, a), (plane - from) / (to - from))));
+            }
+        }
     }
+    held
+}
+
+/// Corners of a square around a point in pixels.
+fn around([x, y]: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
+    [-MARGIN, MARGIN].into_iter().flat_map(move |dx| [[x + dx, y - MARGIN], [x + dx, y + MARGIN]])
 }
 
 /// Lower and upper corner of a box around all; an empty one where there is none.
@@ -130,16 +227,7 @@ fn outline(boxes: &[[Vec3; 8]], normal: Vec3, (low, high): (f64, f64), eye: &Eye
     let depth = |p: &Vec3| dot(sub(*p, eye.anchor), normal);
     let mut points: Vec<[f64; 2]> = vec![];
     for corners in boxes {
-        let mut held: Vec<Vec3> = corners.iter().copied().filter(|p| (low..=high).contains(&depth(p))).collect();
-        for (a, b) in edges() {
-            let (a, b) = (corners[a], corners[b]);
-            let (from, to) = (depth(&a), depth(&b));
-            for plane in [low, high] {
-                if (from - plane) * (to - plane) < 0.0 {
-                    held.push(add(a, scale(sub(b, a), (plane - from) / (to - from))));
-                }
-            }
-        }
+        let held = part(corners, &depth, (low, high));
         let size = |p: &Vec3| match camera.view {
             View::Perspective { .. } => dot(sub(*p, eye.anchor), eye.forward) + eye.plane,
             View::Orthographic { .. } => 1.0,
@@ -158,7 +246,7 @@ fn outline(boxes: &[[Vec3; 8]], normal: Vec3, (low, high): (f64, f64), eye: &Eye
             if size <= 0.0 || !(x.abs() < FARTHEST && y.abs() < FARTHEST) {
                 return everything();
             }
-            points.extend([-MARGIN, MARGIN].iter().flat_map(|dx| [[x + dx, y - MARGIN], [x + dx, y + MARGIN]]));
+            points.extend(around([x, y]));
         }
     }
     hull(points)

@@ -90,6 +90,7 @@ pub(super) fn build(
         uniforms,
         passes: vec![Pass::Compute { kernel: 0, extent }],
         targets: vec![],
+        light: None,
         notes: 0,
         repeats: 1,
         steps: rule,

@@ -8,6 +8,7 @@
 //! Each band fades in the alpha of a target of its own, all in one pass: blending from two sources takes one target at a time
 //! on every API beneath, so that depths, errors and faults would need a second pass that evaluates every field again.
 
+mod half;
 mod slice;
 
 use crate::Options;
@@ -15,7 +16,7 @@ use crate::diagnostic::Diagnostics;
 use crate::fields::KernelBuilder;
 use crate::ir::{FieldScene, Stacks};
 use crate::program::kernel::{Kernel, Stage};
-use crate::program::{FrameValue, Geometry, Ledger, OutputKind, Pass, Plan, Precision, RaySource, StepRule};
+use crate::program::{Draw, FrameValue, Geometry, Ledger, OutputKind, Pass, Plan, Precision, RaySource, StepRule};
 use crate::transport::aim::{self, Aimed, Rays};
 use crate::transport::layers::Layers;
 use crate::transport::{Scene, Tracer, records, resolve};
@@ -58,16 +59,18 @@ pub(super) fn build(
         }
         (Precision::Single | Precision::Half, _) => Precision::Single,
     };
-    let tracer = Tracer::new(scene, &seen, &mut builder, rule, wanted);
-    let slabs = tracer.write_slabs(ledger);
-    let edge = divided && options.outputs.contains(&OutputKind::Edge);
-    let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
-    let layers = Layers::new(&slabs, precision);
     let stacks = match options.rays {
         RaySource::Camera => scene.render.stacks,
         // Rays of a list have no common planes.
         RaySource::List => Stacks::View,
     };
+    let alternating = stacks == Stacks::HalfAngle;
+    let tracer = Tracer::new(scene, &seen, &mut builder, rule, wanted);
+    let tracer = if alternating { tracer.along_half_angle() } else { tracer };
+    let slabs = tracer.write_slabs(ledger);
+    let edge = divided && options.outputs.contains(&OutputKind::Edge);
+    let (outputs, stride) = records::layout(&slabs.whole.fields, edge);
+    let layers = Layers::new(&slabs, precision, alternating);
     let aim = aim::entry(scene, &mut builder, &seen, &slabs, options.rays, (rays, Aimed::Planes(stacks)));
     let (outline, slice) = slice::entries(&mut builder, &slabs, &layers, stacks);
     let resolve = resolve::entry(
@@ -84,6 +87,14 @@ pub(super) fn build(
         ("slice", Stage::Fragment, slice),
         ("resolve", Stage::Compute(group), resolve),
     ];
+    let mut light = None;
+    if let Some(slabs) = &slabs.light {
+        let (outline, lost) = slice::light_entries(&mut builder, slabs);
+        let vertex = entries.len() as u32;
+        entries.extend([("light_outline", Stage::Vertex, outline), ("light", Stage::Fragment, lost)]);
+        light = Some((Draw { vertex, fragment: vertex + 1 }, slabs.buffer.clone()));
+    }
+    let (draw, buffer) = light.unzip();
     let fill = records::add_fill(&mut entries, slabs.fill);
     let (kernels, bindings, uniforms) = builder.finish(entries);
     let plan = Plan {
@@ -95,10 +106,15 @@ pub(super) fn build(
         uniforms,
         passes: vec![
             Pass::Compute { kernel: 0, extent },
-            Pass::Raster { vertex: 1, fragment: 2, geometry: Geometry::Outlines },
+            if alternating {
+                Pass::Alternate { seen: Draw { vertex: 1, fragment: 2 }, light: draw }
+            } else {
+                Pass::Raster { vertex: 1, fragment: 2, geometry: Geometry::Outlines }
+            },
             Pass::Compute { kernel: 3, extent },
         ],
         targets: layers.targets,
+        light: buffer,
         notes: aim::NOTES,
         repeats: rays.count(),
         steps: rule,
@@ -118,4 +134,7 @@ pub(super) fn build(
 pub(super) fn refuse(scene: &FieldScene, options: &Options, diagnostics: &mut Diagnostics) {
     super::refuse_splats(scene, "slicing", diagnostics);
     super::refuse_across_the_view(scene, options, ("slicing", "planes"), diagnostics);
+    if options.rays == RaySource::Camera && scene.render.stacks == Stacks::HalfAngle {
+        half::refuse(scene, options, diagnostics);
+    }
 }

@@ -89,6 +89,7 @@ pub(super) fn build(
         uniforms,
         passes: vec![Pass::Compute { kernel: 0, extent }, Pass::Rounds { kernel: 1, extent }],
         targets: vec![],
+        light: None,
         notes: aim::NOTES,
         repeats: rays.count(),
         steps: rule,

@@ -56,7 +56,7 @@ pub(super) fn build(
     let wanted = options.outputs.iter().copied().filter(told).collect();
     let pieces = Tracer::new(scene, &seen, &mut builder, rule, wanted).write_slabs(ledger);
     let (outputs, stride) = records::layout(&pieces.whole.fields, false);
-    let layers = Layers::new(&pieces, Precision::Single);
+    let layers = Layers::new(&pieces, Precision::Single, false);
     let splats = doubt::stride(&pieces);
     let plant = splat::plant(scene, &mut builder, &pieces, options.rays);
     let doubt = doubt::entry(scene, &mut builder, &pieces, options.rays);
@@ -91,6 +91,7 @@ pub(super) fn build(
             Pass::Compute { kernel: 5, extent },
         ],
         targets: layers.targets,
+        light: None,
         notes: aim::NOTES,
         repeats: rays.count(),
         steps: rule,

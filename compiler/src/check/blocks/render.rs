@@ -74,15 +74,30 @@ impl Checker<'_> {
         if let Some(cap) = count("max_work", u32::MAX) {
             render.max_work = cap;
         }
-        let stacks = [("view", Stacks::View), ("object", Stacks::Object)];
-        if let Some(stacks) = properties.take("stacks").and_then(|p| self.word(p, "render", &stacks)) {
-            render.stacks = stacks;
+        let stacks = [("view", Stacks::View), ("object", Stacks::Object), ("half_angle", Stacks::HalfAngle)];
+        if let Some(property) = properties.take("stacks") {
+            render.stacks = self.word(property, "render", &stacks).unwrap_or(Stacks::View);
+            self.unused_stacks(property, render.backend);
         }
         let pixels = [("every", Pixels::Every), ("adaptive", Pixels::Adaptive)];
         if let Some(pixels) = properties.take("pixels").and_then(|p| self.word(p, "render", &pixels)) {
             render.pixels = pixels;
         }
         render
+    }
+
+    /// Warns of planes that a backend does not draw.
+    fn unused_stacks(&mut self, property: &Property, backend: Backend) {
+        let word = match backend {
+            Backend::Auto | Backend::Slicing => return,
+            Backend::Raymarch => "raymarch",
+            Backend::Splatting => "splatting",
+        };
+        self.report(
+            Diagnostic::warning("W0407", format!("`stacks` has no effect with `backend = {word}`"))
+                .at(property.name.span, "of slicing alone")
+                .hint("use `backend = slicing`, or leave it out"),
+        );
     }
 
     fn composite(&mut self, property: &Property) -> Option<Composite> {

@@ -131,4 +131,14 @@ is compiled and drawn after the others, so that the cost grows with their number
 beyond is computed, and is in EXR and NPY files and in probes, but adds nothing to what a PNG shows. One band is shown grey, and \
 three as red, green and blue in their order, whatever they are.",
     },
+    CodeInfo {
+        code: "W0407",
+        title: "planes that nothing draws",
+        explanation:
+            "`stacks` says which planes slicing cuts media with. Other backends have none, so that it changes nothing:
+
+```vol
+render { backend = slicing  stacks = half_angle }
+```",
+    },
 ];

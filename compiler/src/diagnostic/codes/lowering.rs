@@ -222,6 +222,19 @@ render { backend = splatting }
 ```",
     },
     CodeInfo {
+        code: "E0531",
+        title: "light cannot be followed from slab to slab",
+        explanation: "\
+With `stacks = half_angle`, slicing puts its planes across half the angle between the view and the light, so that both meet the \
+slabs in order, and keeps what light has lost in a buffer that goes along from slab to slab. That takes a single light from a \
+single place, a sun without `angular_diameter` or a lamp that stands outside of the media, media that scatter it, and an \
+adapter that blends f32. Planes across the view draw all light that there is:
+
+```vol
+render { backend = slicing  stacks = view }
+```",
+    },
+    CodeInfo {
         code: "E0590",
         title: "a number does not fit 32-bit floating point",
         explanation: "\

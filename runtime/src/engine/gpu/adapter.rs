@@ -221,7 +221,7 @@ impl Needs {
                 Binding::Bounds(_) => {
                     needs.storage_bytes = needs.storage_bytes.max(u64::from(MOST_BRICKS) * 16);
                 }
-                Binding::Target(_) => needs.textures += 1,
+                Binding::Target(_) | Binding::Light(_) => needs.textures += 1,
                 Binding::Footprints => {
                     let count: u64 = program.optimised.splats.iter().map(|s| u64::from(s.header.count)).sum();
                     let stride = program.plan.footprints.map_or(0, |f| u64::from(f.stride));

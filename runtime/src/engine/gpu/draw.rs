@@ -442,7 +442,7 @@ impl Prepared {
         self.arranging = Arranging::default();
         let mut block = self.evaluate(frame);
         let drawn = self.program.plan.bindings.contains(&Binding::Outlines);
-        if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs.outlines) {
+        if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs) {
             self.slots.clear();
         }
         if self.program.plan.footprints.is_some() {
@@ -460,8 +460,9 @@ impl Prepared {
         };
         let total = u64::from(size[0]) * u64::from(size[1]);
         let work = plan.work_per_ray.max(1).saturating_mul(plan.samples.max(1));
-        let billboards = |p: &Pass| matches!(p, Pass::Raster { geometry: Geometry::Billboards, .. });
-        let mut pace = if plan.passes.iter().any(billboards) {
+        let in_parts =
+            |p: &Pass| matches!(p, Pass::Raster { geometry: Geometry::Billboards, .. } | Pass::Alternate { .. });
+        let mut pace = if plan.passes.iter().any(in_parts) {
             Pace::steady(total, TILE_BYTES / bytes)
         } else {
             Pace::new(work, total, TILE_BYTES / bytes)

@@ -5,7 +5,7 @@ use super::errors::{GpuError, GpuErrorKind};
 use super::sorting::{ListSteps, SortSteps};
 use compiler::loader::Scalar;
 use compiler::program::kernel::{Prim, Stage};
-use compiler::program::{Binding, Blend, Pass, Precision, Program, SortBuffer, Target, texture_prim};
+use compiler::program::{Binding, Blend, Draw, Pass, Precision, Program, SortBuffer, Target, texture_prim};
 use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ fn binding_type(program: &Program, binding: Binding) -> Option<wgpu::BindingType
         Binding::Keys | Binding::Tallies | Binding::Survey => storage(false),
         Binding::Workgroup(_) => return None,
         Binding::Cache | Binding::Records | Binding::Notes | Binding::Splats | Binding::Carried => storage(false),
-        Binding::Target(_) => wgpu::BindingType::Texture {
+        Binding::Target(_) | Binding::Light(_) => wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },
             view_dimension: wgpu::TextureViewDimension::D2,
             multisampled: false,
@@ -78,6 +78,8 @@ pub(super) struct Step {
 pub(super) enum Pipeline {
     Compute(wgpu::ComputePipeline),
     Raster(wgpu::RenderPipeline),
+    /// For rays that meet the farthest first, and for others.
+    Either(wgpu::RenderPipeline, wgpu::RenderPipeline),
 }
 
 /// The compiled passes of a plan.
@@ -85,6 +87,8 @@ pub(super) enum Pipeline {
 pub(super) struct Pipelines {
     /// As the plan's.
     pub(super) passes: Vec<Step>,
+    /// What light loses in a slab.
+    pub(super) light: Option<Step>,
     pub(super) fill: Option<Step>,
     pub(super) plant: Option<Step>,
     pub(super) doubt: Option<Step>,
@@ -107,15 +111,22 @@ pub(super) fn target_format(target: &Target) -> wgpu::TextureFormat {
     }
 }
 
-fn blend(blend: Blend) -> wgpu::BlendState {
-    use wgpu::BlendFactor::{One, SrcAlpha};
-    let (dst_factor, operation) = match blend {
-        Blend::Over => (SrcAlpha, wgpu::BlendOperation::Add),
-        Blend::Add => (One, wgpu::BlendOperation::Add),
-        Blend::Max => (One, wgpu::BlendOperation::Max),
+/// How fragments come to what is there. `nearest_first`: what is to be over comes under.
+fn blend(blend: Blend, nearest_first: bool) -> wgpu::BlendState {
+    use wgpu::BlendFactor::{DstAlpha, One, SrcAlpha, Zero};
+    use wgpu::BlendOperation::{Add, Max};
+    let component = |src_factor, dst_factor, operation| wgpu::BlendComponent { src_factor, dst_factor, operation };
+    let color = match blend {
+        Blend::Over if nearest_first => component(DstAlpha, One, Add),
+        Blend::Over => component(One, SrcAlpha, Add),
+        Blend::Add => component(One, One, Add),
+        Blend::Max => component(One, One, Max),
     };
-    let all = wgpu::BlendComponent { src_factor: One, dst_factor, operation };
-    wgpu::BlendState { color: all, alpha: all }
+    let alpha = match blend {
+        Blend::Over => component(Zero, SrcAlpha, Add),
+        Blend::Add | Blend::Max => color,
+    };
+    wgpu::BlendState { color, alpha }
 }
 
 /// What compiles the passes of one program.
@@ -182,20 +193,37 @@ impl Compiler<'_> {
         Ok(Step { pipeline: Pipeline::Compute(pipeline), layout, used })
     }
 
-    fn raster(&self, vertex: u32, fragment: u32) -> Result<Step, GpuError> {
-        let (used, layout, pipeline_layout) = self.layout(&[vertex, fragment]);
+    fn raster(&self, draw: Draw, targets: &[Target]) -> Result<Step, GpuError> {
+        let (used, layout, pipeline_layout) = self.layout(&[draw.vertex, draw.fragment]);
+        let pipeline = Pipeline::Raster(self.render(draw, &pipeline_layout, (targets, false))?);
+        Ok(Step { pipeline, layout, used })
+    }
+
+    /// What is drawn from either side.
+    fn either(&self, draw: Draw) -> Result<Step, GpuError> {
+        let (used, layout, pipeline_layout) = self.layout(&[draw.vertex, draw.fragment]);
+        let one = |nearest_first| self.render(draw, &pipeline_layout, (&self.program.plan.targets, nearest_first));
+        Ok(Step { pipeline: Pipeline::Either(one(false)?, one(true)?), layout, used })
+    }
+
+    fn render(
+        &self,
+        Draw { vertex, fragment }: Draw,
+        pipeline_layout: &wgpu::PipelineLayout,
+        (targets, nearest_first): (&[Target], bool),
+    ) -> Result<wgpu::RenderPipeline, GpuError> {
         self.gpu.created.fetch_add(1, Ordering::Relaxed);
-        let targets = self.program.plan.targets.iter().map(|target| {
+        let targets = targets.iter().map(|target| {
             Some(wgpu::ColorTargetState {
                 format: target_format(target),
-                blend: Some(blend(target.blend)),
+                blend: Some(blend(target.blend, nearest_first)),
                 write_mask: wgpu::ColorWrites::ALL,
             })
         });
         let targets: Vec<_> = targets.collect();
         let pipeline = self.gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(&self.program.kernels[fragment as usize].name),
-            layout: Some(&pipeline_layout),
+            layout: Some(pipeline_layout),
             vertex: wgpu::VertexState {
                 module: &self.modules[vertex as usize],
                 entry_point: None,
@@ -215,7 +243,7 @@ impl Compiler<'_> {
             cache: self.gpu.cache.as_ref().map(|c| &c.cache),
         });
         self.gpu.watch.check()?;
-        Ok(Step { pipeline: Pipeline::Raster(pipeline), layout, used })
+        Ok(pipeline)
     }
 }
 
@@ -241,9 +269,16 @@ impl Pipelines {
         let compiler = Compiler { gpu, program, modules, bindings };
         let pass = |pass: &Pass| match *pass {
             Pass::Compute { kernel, .. } | Pass::Rounds { kernel, .. } => compiler.compute(kernel),
-            Pass::Raster { vertex, fragment, .. } => compiler.raster(vertex, fragment),
+            Pass::Raster { vertex, fragment, .. } => compiler.raster(Draw { vertex, fragment }, &program.plan.targets),
+            Pass::Alternate { seen, .. } => compiler.either(seen),
         };
         let passes = program.plan.passes.iter().map(pass).collect::<Result<_, _>>()?;
+        let lit = program.plan.passes.iter().find_map(|pass| match *pass {
+            Pass::Alternate { light, .. } => light,
+            Pass::Compute { .. } | Pass::Rounds { .. } | Pass::Raster { .. } => None,
+        });
+        let light = lit.zip(program.plan.light.as_ref());
+        let light = light.map(|(draw, buffer)| compiler.raster(draw, &buffer.targets)).transpose()?;
         let fill = program.plan.fill.as_ref().map(|fill| compiler.compute(fill.kernel)).transpose()?;
         let plant = program.plan.plant.map(|plant| compiler.compute(plant.kernel)).transpose()?;
         let doubt = program.plan.plant.map(|plant| compiler.compute(plant.doubt)).transpose()?;
@@ -270,7 +305,7 @@ impl Pipelines {
         if let Some(cache) = &gpu.cache {
             cache.save();
         }
-        Ok(Self { passes, fill, plant, doubt, rank, survey, drawn, sort, lists })
+        Ok(Self { passes, light, fill, plant, doubt, rank, survey, drawn, sort, lists })
     }
 }
 

@@ -6,7 +6,7 @@ use super::errors::GpuError;
 use super::pipelines::{Pipeline, Pipelines, Step, target_format};
 use super::resources::Resources;
 use super::uniforms::{Block, Part};
-use compiler::program::{Binding, Extent, Geometry, Pass, Program};
+use compiler::program::{Binding, Blend, Extent, Geometry, Pass, Program, Target};
 use std::ops::Range;
 use std::sync::mpsc;
 use std::time::Instant;
@@ -28,6 +28,8 @@ pub(super) struct Slot {
     notes: Option<wgpu::Buffer>,
     carried: Option<wgpu::Buffer>,
     targets: Targets,
+    /// Those of the buffer of light.
+    light: Targets,
     groups: Groups,
 }
 
@@ -38,10 +40,64 @@ struct Targets {
     views: Vec<wgpu::TextureView>,
 }
 
+impl Targets {
+    /// Makes them so large at least. Gives whether they are others now.
+    fn hold(&mut self, gpu: &Gpu, targets: &[Target], size: [u32; 2]) -> bool {
+        let held = (0..2).all(|i| size[i] <= self.size[i]);
+        if targets.is_empty() || held {
+            return false;
+        }
+        let size: [u32; 2] = std::array::from_fn(|i| size[i].max(self.size[i]));
+        let view = |target: &Target| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(&target.name),
+                size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: target_format(target),
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        *self = Self { size, views: targets.iter().map(view).collect() };
+        true
+    }
+
+    /// A pass over so many of their pixels. They are cleared where a color is given.
+    fn pass<'e>(
+        &self,
+        encoder: &'e mut wgpu::CommandEncoder,
+        [width, height]: [u32; 2],
+        clear: Option<&dyn Fn(usize) -> wgpu::Color>,
+        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
+    ) -> wgpu::RenderPass<'e> {
+        let attachment = |(number, view)| {
+            let load = clear.map_or(wgpu::LoadOp::Load, |color| wgpu::LoadOp::Clear(color(number)));
+            let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+            Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
+        };
+        let color_attachments: Vec<_> = self.views.iter().enumerate().map(attachment).collect();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("tile"),
+            color_attachments: &color_attachments,
+            depth_stencil_attachment: None,
+            timestamp_writes,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+        pass.set_scissor_rect(0, 0, width, height);
+        pass
+    }
+}
+
 /// One bind group for each pass, and for the one that fills.
 #[derive(Debug)]
 struct Groups {
     passes: Vec<wgpu::BindGroup>,
+    light: Option<wgpu::BindGroup>,
     fill: Option<wgpu::BindGroup>,
     plant: Option<wgpu::BindGroup>,
     doubt: Option<wgpu::BindGroup>,
@@ -62,6 +118,8 @@ pub(super) struct Flight {
 
 /// Billboards that are drawn at once.
 const TOGETHER: u32 = 1 << 14;
+/// Slabs likewise, where light meets one after another.
+const TURNS: u32 = 32;
 
 /// The instances of a pass, in parts; one of them where nothing is drawn.
 fn instances(pass: &Pass, resources: &Resources, rounds: u32) -> Vec<Range<u32>> {
@@ -73,6 +131,12 @@ fn instances(pass: &Pass, resources: &Resources, rounds: u32) -> Vec<Range<u32>>
         }
         // Instances of a dispatch are rounds.
         Pass::Rounds { .. } => (0..rounds.max(1)).map(|round| round..round + 1).collect(),
+        // Instances of what alternates are slabs.
+        Pass::Alternate { .. } => {
+            let count = resources.turns.0.len() as u32;
+            let starts = (0..count.max(1)).step_by(TURNS as usize);
+            starts.map(|start| start..count.min(start + TURNS)).collect()
+        }
         Pass::Raster { geometry: Geometry::Outlines, .. } | Pass::Compute { .. } => std::iter::once(0..1).collect(),
     }
 }
@@ -137,7 +201,16 @@ impl Slot {
             notes,
             carried,
             targets: Targets::default(),
-            groups: Groups { passes: vec![], fill: None, plant: None, doubt: None, rank: None, survey: None },
+            light: Targets::default(),
+            groups: Groups {
+                passes: vec![],
+                light: None,
+                fill: None,
+                plant: None,
+                doubt: None,
+                rank: None,
+                survey: None,
+            },
         };
         if plan.targets.is_empty() {
             slot.groups = slot.bind(gpu, program, pipelines, resources);
@@ -178,6 +251,7 @@ impl Slot {
                 Binding::Footprints => resources.footprints.as_ref().map(|f| f.0.as_entire_binding()),
                 Binding::TileLists => resources.sorting.as_ref()?.lists().map(wgpu::Buffer::as_entire_binding),
                 Binding::Target(i) => self.targets.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
+                Binding::Light(i) => self.light.views.get(*i as usize).map(wgpu::BindingResource::TextureView),
             })
             .collect();
         let group = |step: &Step| {
@@ -196,6 +270,7 @@ impl Slot {
         };
         Groups {
             passes: pipelines.passes.iter().map(group).collect(),
+            light: pipelines.light.as_ref().map(group),
             fill: pipelines.fill.as_ref().map(group),
             plant: pipelines.plant.as_ref().map(group),
             doubt: pipelines.doubt.as_ref().map(group),
@@ -208,25 +283,11 @@ impl Slot {
     /// Makes targets for a tile of this size, unless those there are hold it.
     fn hold(&mut self, gpu: &Gpu, program: &Program, (pipelines, resources): (&Pipelines, &Resources), size: [u32; 2]) {
         let plan = &program.plan;
-        let held = (0..2).all(|i| size[i] <= self.targets.size[i]);
-        if plan.targets.is_empty() || held {
+        let kept = plan.light.as_ref().map_or(&[][..], |light| &light.targets);
+        let moved = self.targets.hold(gpu, &plan.targets, size);
+        if !self.light.hold(gpu, kept, resources.turns.1) && !moved {
             return;
         }
-        let size: [u32; 2] = std::array::from_fn(|i| size[i].max(self.targets.size[i]));
-        let view = |target: &compiler::program::Target| {
-            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(&target.name),
-                size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: target_format(target),
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
-        self.targets = Targets { size, views: plan.targets.iter().map(view).collect() };
         self.groups = self.bind(gpu, program, pipelines, resources);
     }
 
@@ -374,37 +435,14 @@ impl Slot {
                 pass.dispatch_workgroups(groups[0], groups[1], 1);
             }
             (Pipeline::Raster(pipeline), Pass::Raster { geometry, .. }) => {
-                let attachment = |view| {
-                    Some(wgpu::RenderPassColorAttachment {
-                        view,
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: if instances.start == 0 {
-                                wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)
-                            } else {
-                                wgpu::LoadOp::Load
-                            },
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })
-                };
-                let color_attachments: Vec<_> = self.targets.views.iter().map(attachment).collect();
-                let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some("tile"),
-                    color_attachments: &color_attachments,
-                    depth_stencil_attachment: None,
-                    timestamp_writes: stamps.map(|query_set| wgpu::RenderPassTimestampWrites {
-                        query_set,
-                        beginning_of_pass_write_index: first,
-                        end_of_pass_write_index: last,
-                    }),
-                    occlusion_query_set: None,
-                    multiview_mask: None,
+                let clear: &dyn Fn(usize) -> wgpu::Color = &|_| wgpu::Color::TRANSPARENT;
+                let clear = (instances.start == 0).then_some(clear);
+                let stamps = stamps.map(|query_set| wgpu::RenderPassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: first,
+                    end_of_pass_write_index: last,
                 });
-                let [width, height] = part.size;
-                pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
-                pass.set_scissor_rect(0, 0, width, height);
+                let mut pass = self.targets.pass(encoder, part.size, clear, stamps);
                 pass.set_bind_group(0, group, &[]);
                 pass.set_pipeline(pipeline);
                 let corners = match geometry {
@@ -413,9 +451,63 @@ impl Slot {
                 };
                 pass.draw(0..corners, instances);
             }
+            // `aim` comes before and `resolve` after it: they have the time stamps.
+            (Pipeline::Either(over, under), Pass::Alternate { .. }) => {
+                let light = pipelines.light.as_ref().zip(self.groups.light.as_ref());
+                self.alternate(
+                    encoder,
+                    &program.plan.targets,
+                    resources,
+                    ([under, over], group, light),
+                    (instances, part),
+                );
+            }
             // Pipelines are made from the plan's passes, one by one.
-            (Pipeline::Compute(_), Pass::Raster { .. })
-            | (Pipeline::Raster(_), Pass::Compute { .. } | Pass::Rounds { .. }) => {}
+            (Pipeline::Compute(_), Pass::Raster { .. } | Pass::Alternate { .. })
+            | (Pipeline::Raster(_), Pass::Compute { .. } | Pass::Rounds { .. } | Pass::Alternate { .. })
+            | (Pipeline::Either(..), Pass::Compute { .. } | Pass::Rounds { .. } | Pass::Raster { .. }) => {}
+        }
+    }
+
+    /// Records some slabs, one after another: what is seen of each, and then what light loses in it.
+    fn alternate(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        targets: &[Target],
+        resources: &Resources,
+        (seen, group, light): ([&wgpu::RenderPipeline; 2], &wgpu::BindGroup, Option<(&Step, &wgpu::BindGroup)>),
+        (slabs, part): (Range<u32>, Part),
+    ) {
+        let (turns, nodes) = &resources.turns;
+        if slabs.start == 0 {
+            // Nothing is there yet, and lets everything through.
+            let clear = |number: usize| match targets[number].blend {
+                Blend::Over => wgpu::Color { a: 1.0, ..wgpu::Color::TRANSPARENT },
+                Blend::Add | Blend::Max => wgpu::Color::TRANSPARENT,
+            };
+            drop(self.targets.pass(encoder, part.size, Some(&clear), None));
+            if light.is_some() {
+                drop(self.light.pass(encoder, *nodes, Some(&|_| wgpu::Color::TRANSPARENT), None));
+            }
+        }
+        for turn in turns.iter().skip(slabs.start as usize).take(slabs.len()) {
+            let sides = [&turn.along, &turn.against];
+            if sides.iter().any(|corners| !corners.is_empty()) {
+                let mut pass = self.targets.pass(encoder, part.size, None, None);
+                pass.set_bind_group(0, group, &[]);
+                for (corners, pipeline) in sides.into_iter().zip(seen).filter(|(corners, _)| !corners.is_empty()) {
+                    pass.set_pipeline(pipeline);
+                    pass.draw(corners.clone(), 0..1);
+                }
+            }
+            if let (Some((Step { pipeline: Pipeline::Raster(pipeline), .. }, group)), false) =
+                (light, turn.light.is_empty())
+            {
+                let mut pass = self.light.pass(encoder, *nodes, None, None);
+                pass.set_bind_group(0, group, &[]);
+                pass.set_pipeline(pipeline);
+                pass.draw(turn.light.clone(), 0..1);
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use super::errors::GpuError;
 use super::pipelines::texture_format;
 use super::sorting::Sorting;
 use super::uniforms::table_rows;
-use crate::frame::{Bricks, to_f32};
+use crate::frame::{Bricks, Slabs, Turn, to_f32};
 use compiler::ir::eval::Tables;
 use compiler::ir::{GridId, MeshId, TableId};
 use compiler::loader::{GridHeader, Scalar};
@@ -55,6 +55,8 @@ pub(super) struct Resources {
     pub(super) cache: Option<wgpu::Buffer>,
     /// Outlines of slabs, and how many corners there are.
     pub(super) outlines: Option<(wgpu::Buffer, u32)>,
+    /// Where light meets slabs one after another: the corners of each, and the nodes of its buffer.
+    pub(super) turns: (Vec<Turn>, [u32; 2]),
     /// What puts splats in order.
     pub(super) sorting: Option<Sorting>,
     /// How many of them are drawn.
@@ -81,6 +83,7 @@ impl Resources {
             bounds: vec![],
             cache: None,
             outlines: None,
+            turns: (vec![], [1; 2]),
             sorting: None,
             drawn: 0,
             splats: None,
@@ -141,7 +144,7 @@ impl Resources {
                 }
                 // They come with each drawing.
                 Binding::Outlines | Binding::Order | Binding::Splats | Binding::SplatsRead | Binding::Target(_) => {}
-                Binding::Footprints | Binding::TileLists | Binding::Carried | Binding::Survey => {}
+                Binding::Footprints | Binding::TileLists | Binding::Carried | Binding::Survey | Binding::Light(_) => {}
                 Binding::Keys | Binding::KeysRead | Binding::Sorting(_) | Binding::Tallies => {}
                 Binding::Workgroup(_) | Binding::Reaches | Binding::Starts | Binding::StartsRead => {}
                 Binding::Entries | Binding::EntriesRead | Binding::TileListsWritten => {}
@@ -153,7 +156,9 @@ impl Resources {
     }
 
     /// Writes the outlines of slabs. Gives whether the buffer is another one now.
-    pub(super) fn write_outlines(&mut self, gpu: &Gpu, corners: &[[f32; 3]]) -> bool {
+    pub(super) fn write_outlines(&mut self, gpu: &Gpu, slabs: &Slabs) -> bool {
+        let corners = slabs.outlines.as_slice();
+        self.turns = (slabs.turns.clone(), slabs.light.counts);
         write(gpu, "outlines", &mut self.outlines, bytemuck::cast_slice(corners), corners.len())
     }
 

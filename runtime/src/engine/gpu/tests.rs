@@ -104,6 +104,7 @@ fn program(
             uniforms: UniformLayout { fields, size },
             passes: vec![Pass::Compute { kernel: 0, extent }],
             targets: vec![],
+            light: None,
             notes: 0,
             repeats: 1,
             steps: StepRule::Closed,

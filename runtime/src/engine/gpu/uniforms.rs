@@ -133,6 +133,13 @@ fn still(value: FrameValue, frame: &Frame) -> Option<Vec<f64>> {
         FrameValue::SlabNormal => frame.slabs.normal.to_vec(),
         FrameValue::SlabStep => vec![frame.slabs.step],
         FrameValue::SlabCount => vec![f64::from(frame.slabs.count)],
+        FrameValue::LightCenter => frame.slabs.light.center.to_vec(),
+        FrameValue::LightForward => frame.slabs.light.forward.to_vec(),
+        FrameValue::LightRight => frame.slabs.light.axes[0].to_vec(),
+        FrameValue::LightUp => frame.slabs.light.axes[1].to_vec(),
+        FrameValue::LightCorner => frame.slabs.light.corner.to_vec(),
+        FrameValue::LightNear => vec![frame.slabs.light.near],
+        FrameValue::LightNodes => frame.slabs.light.counts.map(f64::from).to_vec(),
         FrameValue::BoundsLow => frame.slabs.bounds[0].to_vec(),
         FrameValue::BoundsHigh => frame.slabs.bounds[1].to_vec(),
         FrameValue::LatticeLow => frame.lattice.low.to_vec(),
@@ -178,6 +185,13 @@ fn of_part(value: FrameValue, part: Part, (repeat, round): (u32, u32)) -> Vec<f6
         | FrameValue::SlabNormal
         | FrameValue::SlabStep
         | FrameValue::SlabCount
+        | FrameValue::LightCenter
+        | FrameValue::LightForward
+        | FrameValue::LightRight
+        | FrameValue::LightUp
+        | FrameValue::LightCorner
+        | FrameValue::LightNear
+        | FrameValue::LightNodes
         | FrameValue::BoundsLow
         | FrameValue::BoundsHigh
         | FrameValue::LatticeLow

@@ -9,6 +9,9 @@ use super::{RayAnswer, Session, Trouble};
 use crate::engine::gpu::Timing;
 use crate::frame::Frame;
 
+/// Errors of nodes of light that are less than this of those before are worth more slabs.
+const SHRINKING: f64 = 0.7;
+
 /// How many pieces, and of what size.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub(super) struct Pieces {
@@ -60,13 +63,14 @@ impl Session {
     ) -> Result<Refined, Trouble> {
         let bands = self.program.places.len();
         let mut count = ladder.first;
-        let mut before: Option<(Pieces, Canvas, Timing)> = None;
+        let mut before: Option<(Pieces, Canvas, Timing, f64)> = None;
         let mut spent = 0u64;
         loop {
             let (frame, pieces) = frame(self, count);
             spent += u64::from(pieces.count);
             let (mut canvas, mut timing) = self.canvas(&frame, progress)?;
-            let Some((larger, coarse, so_far)) = before.take() else {
+            let own = canvas.predicted.map_or(0.0, |p| p.1);
+            let Some((larger, coarse, so_far, own_before)) = before.take() else {
                 if ladder.exact {
                     return Ok(Refined { frame, canvas, timing, pieces, spent });
                 }
@@ -75,7 +79,7 @@ impl Session {
                     (canvas.predicted, canvas.errors) = (None, vec![]);
                     return Ok(Refined { frame, canvas, timing, pieces, spent });
                 }
-                before = Some((pieces, canvas, timing));
+                before = Some((pieces, canvas, timing, own));
                 count = ladder.next(count, 0.0);
                 continue;
             };
@@ -84,10 +88,13 @@ impl Session {
             let rounded = canvas.predicted.filter(|_| self.blends_half()).map_or(0.0, |p| p.1);
             let share = canvas.compare(&coarse, larger.size / pieces.size - 1.0, bands);
             canvas.evaluations = canvas.evaluations.zip(coarse.evaluations).map(|(a, b)| a + b);
+            // What nodes of light are wrong by shrinks with the slabs, unless there are as many as there may be.
+            let shrinks = self.follows_light() && own < SHRINKING * own_before;
+            let share = if shrinks { share + own } else { share };
             if share <= rounded.max(1.0) || count >= ladder.most || !share.is_finite() {
                 return Ok(Refined { frame, canvas, timing, pieces, spent });
             }
-            before = Some((pieces, canvas, timing));
+            before = Some((pieces, canvas, timing, own));
             count = ladder.next(count, share);
         }
     }

@@ -3,7 +3,9 @@
 use super::refine::{Ladder, Pieces, Refined};
 use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::bounds::media_boxes;
-use crate::frame::{Camera, Eye, Params, Slabs, scene_bounds};
+use crate::frame::half::open_boxes;
+use crate::frame::{Camera, Eye, HalfAngle, Params, Shining, Slabs, Vec3, scene_bounds};
+use compiler::ir::Stacks;
 use compiler::program::{Precision, StepRule};
 
 /// Slabs that are tried first.
@@ -22,6 +24,11 @@ impl Session {
     /// Whether they are blended in f16.
     pub(super) fn blends_half(&self) -> bool {
         self.program.plan.targets.iter().any(|t| t.precision == Precision::Half)
+    }
+
+    /// Whether light is followed from slab to slab.
+    pub(super) fn follows_light(&self) -> bool {
+        self.program.parts().any(|p| p.plan.light.is_some())
     }
 
     fn slabs(&self) -> Ladder {
@@ -51,14 +58,44 @@ impl Session {
         let bounds = scene_bounds(&self.program.lowered, &params.0, time);
         let boxes = media_boxes(&self.program.lowered, &params.0, time);
         let eye = Eye::new(camera, bounds);
+        let half = self.half_angle(params, time, &boxes, &eye)?;
         let frame = |session: &Self, count: u32| {
             let mut frame = session.frame(params, time, Some(camera), bounds);
-            let stacks = session.program.lowered.render.stacks;
-            frame.slabs = Slabs::of_view(&boxes, &eye, camera, (stacks, count));
+            frame.slabs = match &half {
+                Some((half, open)) => Slabs::half_angle((&boxes, open), &eye, camera, (half, count)),
+                None => {
+                    let stacks = session.program.lowered.render.stacks;
+                    Slabs::of_view(&boxes, &eye, camera, (stacks, count))
+                }
+            };
             (frame, Pieces { count, size: 1.0 / f64::from(count) })
         };
         let Refined { canvas, timing, pieces, .. } = self.refine(self.slabs(), progress, &frame)?;
         Ok(Drawing { slabs: Some(pieces.count), ..self.drawing(canvas, timing, params, time)? })
+    }
+
+    /// How light is followed from slab to slab, and the boxes that it is followed through, where it is.
+    fn half_angle(
+        &self,
+        params: &Params,
+        time: f64,
+        boxes: &[[Vec3; 8]],
+        eye: &Eye,
+    ) -> Result<Option<(HalfAngle, Vec<[Vec3; 8]>)>, Trouble> {
+        let scene = &self.program.lowered;
+        let shining = match scene.render.stacks {
+            Stacks::View | Stacks::Object => None,
+            Stacks::HalfAngle => Shining::of_scene(scene, &params.0, time),
+        };
+        let Some(shining) = shining else { return Ok(None) };
+        let half = HalfAngle::new(shining, boxes, eye).map_err(|diagnostic| {
+            let span = scene.lights.first().and_then(|light| light.span);
+            self.input(match span {
+                Some(span) => diagnostic.at(span, "this one"),
+                None => diagnostic,
+            })
+        })?;
+        Ok(Some((half, open_boxes(&self.program, &params.0, time))))
     }
 
     pub(super) fn probe_slabs(

@@ -152,7 +152,8 @@ impl Sorting {
             | Binding::Workgroup(_)
             | Binding::Footprints
             | Binding::Carried
-            | Binding::Target(_) => return None,
+            | Binding::Target(_)
+            | Binding::Light(_) => return None,
         })
     }
 
