@@ -1,10 +1,13 @@
-//! What light costs: each light and each step of single scattering, and random paths on both engines. Times are those of the machine.
+//! What light costs: each light and each step of single scattering, light by slices, and random paths on both engines. Times are those of
+//! the machine.
 
 use compiler::Options;
+use compiler::ir::{Backend, Stacks};
 use compiler::program::OutputKind;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use runtime::frame::{EngineChoice, FileLoader, Session, Settings};
 use std::path::Path;
+use std::time::Instant;
 use tyndall_tests::{draw, open, root};
 
 const SIZE: u32 = 128;
@@ -84,5 +87,57 @@ fn paths(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, single, paths);
+/// Media under one sun, by slices: smooth waves, and billows of noise.
+const SLICED: [(&str, &str); 2] = [
+    (
+        "waves",
+        "medium waves {
+            shape = box(min: (-1, -1, -1) m, max: (1, 1, 1) m)
+            k_s = rgb(0.6, 1, 1.5) / m * (1 + 0.8 * sin(5 * p.x / 1 m) * cos(4 * p.y / 1 m + 3 * p.z / 1 m))
+            k_a = 0.2 / m
+        }",
+    ),
+    (
+        "billows",
+        "use std::noise::fbm
+        medium billows {
+            shape = sphere(center: (0, 0, 0) m, radius: 1 m)
+            density = smoothstep(0.4, 0.7, fbm(p / 0.5 m, octaves: 3)) * max(0, 1 - dot(p, p) / 1 m^2)
+            k_s = 12 / m
+        }",
+    ),
+];
+
+/// Planes across half the angle between view and light, from slab to slab, against planes across the view, whose light is looked up in columns
+/// on a lattice that each frame fills anew: milliseconds of a frame, the best of three, and its error on pixels that the reference follows.
+fn sliced(_: &mut Criterion) {
+    let view = "light sun { direction = (0.3, -1, 0.6)  irradiance = 6 lx }
+        camera { from = (0.9, 0.6, -4) m  to = (0,0,0) m  fov = 36 deg }
+        image { size = 256 x 192  aa = none }";
+    for (word, medium) in SLICED {
+        let text = format!("{medium}\n{view}");
+        for (stacks, how) in [(Stacks::View, "looked up"), (Stacks::HalfAngle, "from slab to slab")] {
+            for slices in [16, 32, 64, 128, 256] {
+                let backend = Some(Backend::Slicing);
+                let options = Options { backend, stacks: Some(stacks), slices: Some(slices), ..Options::default() };
+                let Some(mut session) = session(&text, options) else { return };
+                let mut frame = || {
+                    let started = Instant::now();
+                    let drawing = draw(Path::new("bench.vol"), &mut session);
+                    (1e3 * started.elapsed().as_secs_f64(), drawing)
+                };
+                // By the wall clock: what fills a lattice before the picture counts.
+                let drawn: Vec<_> = (0..3).map(|_| frame()).collect();
+                let least = drawn.iter().map(|d| d.0).fold(f64::INFINITY, f64::min);
+                let measured = session.measure(&drawn[0].1, 64, 1).expect("the reference follows it");
+                println!(
+                    "{word}, {how}, {slices} slabs: {least:.0} ms, RMS {:.1e} lx, at most {:.1e} lx",
+                    measured.rms, measured.max
+                );
+            }
+        }
+    }
+}
+
+criterion_group!(benches, single, sliced, paths);
 criterion_main!(benches);

@@ -1,11 +1,11 @@
 //! Light that is followed from slab to slab: what it promises beyond what every backend does.
 
 use compiler::Options;
-use compiler::ir::{Aa, Backend, Stacks};
+use compiler::ir::{Aa, Backend, Scattering, Stacks};
 use compiler::program::{Precision, print_plan};
 use runtime::frame::{Drawing, EngineChoice, FileLoader, Params, Session, Settings};
 use std::path::Path;
-use tyndall_tests::{codes_of, draw, fail, open_text};
+use tyndall_tests::{codes, codes_of, draw, every_scene, fail, open, open_text};
 
 fn halves() -> Options {
     let backend = Some(Backend::Slicing);
@@ -148,7 +148,7 @@ const LAYERS: &str = "
         k_a = 0.3 /m * (1 + 0.8 * sin(3 * AXIS / 1 m))
     }
     camera { from = (0, 0, -9) m  to = (0,0,0) m  projection = orthographic(height: 2 m) }
-    image { size = 1 x 16  aa = none }
+    image { size = 128 x 128  aa = none }
 ";
 
 /// ∫ k from a to b.
@@ -178,7 +178,7 @@ fn light_through_layers_has_closed_forms() {
         for slices in [16, 32, 64] {
             let Some(drawing) = drawn(&text, Options { slices: Some(slices), ..halves() }) else { return };
             let off = |(i, pixel): (usize, &[f32])| {
-                let y = 1.0 - (i as f64 + 0.5) / 8.0;
+                let y = 1.0 - ((i / 128) as f64 + 0.5) / 64.0;
                 // Where a ray goes along a face within a slab of it, all of it is at the crease there.
                 if y > 0.9 {
                     return 0.0;
@@ -264,4 +264,44 @@ fn the_plan_says_whose_turn_it_is() {
     let program = session.program();
     assert!(program.plan.light.is_none() && program.ledger.0.iter().any(|o| o.feature == "buffer of light"));
     agree("closed forms", &text, 1e-2);
+}
+
+/// Whatever of the suites has one light from one place, against the reference.
+#[test]
+fn scenes_of_the_suites() {
+    let mut lit = vec![];
+    for folder in ["light", "agree", "discs", "continuous", "same/single", "slabs"].map(|f| format!("tests/suite/{f}"))
+    {
+        every_scene(&folder, |path| {
+            let options =
+                Options { size: Some([9, 7]), accuracy: Some(1e-2), scattering: Some(Scattering::Single), ..halves() };
+            let refused = codes(path, &options);
+            if !refused.is_empty() {
+                assert!(refused.iter().all(|c| ["E0530", "E0531"].contains(c)), "{}: {refused:?}", path.display());
+                return Some(vec![]);
+            }
+            let mut session = open(path, options, EngineChoice::Gpu)?;
+            let params = Params::defaults(&session.program().lowered);
+            let drawing = match session.draw(&params, 0.0, &|_| {}) {
+                Ok(drawing) => drawing,
+                // A lamp among the media.
+                Err(trouble) if trouble.diagnostics.iter().any(|d| d.code == "E0531") => return Some(vec![]),
+                Err(trouble) => fail(path, &trouble),
+            };
+            let measured = session.measure(&drawing, 63, 1).unwrap_or_else(|t| fail(path, &t));
+            let buffered = session.program().plan.light.is_some();
+            // And places on surfaces, which are rounded.
+            let said = drawing.predicted.expect("slabs are compared").0 + measured.reference_error + 1e-4;
+            println!(
+                "{}: buffer {buffered}, {:?} slabs, {:.2e} of {said:.2e}",
+                path.display(),
+                drawing.slabs,
+                measured.max
+            );
+            lit.push(buffered);
+            let wrong = measured.max > said;
+            Some(wrong.then(|| format!("{:e} lx, and {said:e} is reported", measured.max)).into_iter().collect())
+        });
+    }
+    assert!(lit.is_empty() || (lit.len() > 5 && lit.iter().any(|b| *b)), "{lit:?}");
 }

@@ -15,8 +15,8 @@ const LEAST_FACING: f64 = 0.2;
 const NEAREST: f64 = 0.02;
 /// Nodes along an axis at least and at most; odd, so that every other one makes a lattice too.
 const NODES: [f64; 2] = [17.0, 1025.0];
-/// Nodes between two planes along the way of light.
-const NODES_A_SLAB: f64 = 2.0;
+/// Nodes between two planes along the way of light: at least as close as planes, and closer while there are no more of them than pixels.
+const NODES_A_SLAB: [f64; 2] = [1.0, 2.0];
 /// Share of their extent by which the outermost nodes lie within it: on the face of a box along which light goes, it is inside.
 const INSET: f64 = 1e-6;
 
@@ -139,9 +139,9 @@ impl HalfAngle {
         Ok(Self { normal, center, forward, near })
     }
 
-    /// Nodes over these boxes, about as far apart as planes are along the way of light.
+    /// Nodes over these boxes for a picture of so many pixels, about as far apart as planes are along the way of light, or half as far.
     #[must_use]
-    pub fn nodes(&self, boxes: &[[Vec3; 8]], step: f64) -> LightNodes {
+    pub fn nodes(&self, boxes: &[[Vec3; 8]], step: f64, pixels: f64) -> LightNodes {
         let Self { normal, center, forward, near } = *self;
         let Some(first) = boxes.first() else { return LightNodes { center, forward, near, ..LightNodes::default() } };
         // Along an edge of the first box that light crosses as squarely as any: faces along which it goes are then sides of the lattice.
@@ -152,12 +152,18 @@ impl HalfAngle {
         let units = [right, cross(forward, right)];
         let plain = LightNodes { center, forward, axes: units, corner: [0.0; 2], near, counts: [3; 2] };
         let places: Vec<[f64; 2]> = boxes.iter().flatten().map(|p| plain.node(*p)).collect();
-        let spacing = step / dot(normal, forward) / NODES_A_SLAB;
+        let extreme = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 2] {
+            std::array::from_fn(|i| places.iter().map(|p| p[i]).fold(start, pick))
+        };
+        let (lows, highs) = (extreme(f64::INFINITY, f64::min), extreme(f64::NEG_INFINITY, f64::max));
+        let extents: [f64; 2] = std::array::from_fn(|i| (highs[i] - lows[i]).max(1e-30));
+        let between = step / dot(normal, forward);
+        let [sparse, dense] = NODES_A_SLAB;
+        let affordable = between * (pixels / extents[0] / extents[1]).sqrt();
+        let spacing = between / affordable.clamp(sparse, dense);
         let mut nodes = plain;
         for i in 0..2 {
-            let low = places.iter().map(|p| p[i]).fold(f64::INFINITY, f64::min);
-            let high = places.iter().map(|p| p[i]).fold(f64::NEG_INFINITY, f64::max);
-            let extent = (high - low).max(1e-30);
+            let (low, extent) = (lows[i], extents[i]);
             let [least, most] = NODES;
             let halves = (extent / spacing / 2.0).ceil().clamp((least - 1.0) / 2.0, (most - 1.0) / 2.0);
             let cells = 2.0 * halves;
@@ -177,4 +183,60 @@ fn among() -> Diagnostic {
     )
     .note("its planes face the light everywhere in the media, so the lamp must be outside of them, and not too near")
     .hint("move the lamp away, or use `stacks = view`, which draws any light")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube(half: f64) -> [Vec3; 8] {
+        std::array::from_fn(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { -half } else { half }))
+    }
+
+    fn eye(forward: Vec3) -> Eye {
+        Eye { anchor: [0.0; 3], forward, right: [1.0, 0.0, 0.0], up: [0.0, 1.0, 0.0], plane: 0.0 }
+    }
+
+    #[test]
+    fn planes_stand_across_half_the_angle_and_face_the_light() {
+        let (boxes, sight) = ([cube(1.0)], [0.0, 0.0, 1.0]);
+        for way in [[0.0, -1.0, 0.0], [0.0, -0.6, 0.8], [0.6, 0.0, -0.8], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]] {
+            let half = HalfAngle::new(Shining::Parallel(way), &boxes, &eye(sight)).expect("parallel light");
+            let (light, view) = (dot(half.normal, way), dot(half.normal, sight));
+            assert!((light - view.abs()).abs() < 1e-12 && light > 0.7, "{way:?}: {light} {view}");
+            assert!(view * dot(way, sight) >= 0.0, "{way:?}: with the view where light goes with it");
+        }
+    }
+
+    #[test]
+    fn nodes_span_the_boxes_and_lie_on_faces_along_the_light() {
+        let boxes = [cube(1.0)];
+        for shining in
+            [Shining::Parallel([0.0, -1.0, 0.0]), Shining::Parallel([0.6, -0.8, 0.0]), Shining::Lamp([0.3, 4.0, -0.5])]
+        {
+            let half = HalfAngle::new(shining, &boxes, &eye([0.0, 0.0, 1.0])).expect("outside");
+            let nodes = half.nodes(&boxes, 0.1, 0.0);
+            assert!(nodes.counts.iter().all(|n| n % 2 == 1 && (17..100).contains(n)), "{:?}", nodes.counts);
+            for i in 0..2 {
+                let last = f64::from(nodes.counts[i] - 1);
+                let places: Vec<f64> = boxes[0].iter().map(|p| nodes.node(*p)[i]).collect();
+                let (low, high) = places.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+                assert!(
+                    (-1e-3..0.0).contains(&low) && (0.0..1e-3).contains(&(high - last)),
+                    "{shining:?}: {low} {high}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn lamps_among_the_media_and_close_to_them_are_refused_and_planes_turn_towards_near_ones() {
+        let boxes = [cube(1.0)];
+        let of = |at| HalfAngle::new(Shining::Lamp(at), &boxes, &eye([0.0, 0.0, 1.0]));
+        for at in [[0.0; 3], [0.5, 0.9, 0.0], [0.0, 1.001, 0.0]] {
+            assert_eq!(of(at).expect_err("too near").code, "E0531", "{at:?}");
+        }
+        let (far, near) = (of([0.0, 9.0, 0.0]).expect("far"), of([0.0, 1.6, 0.0]).expect("near"));
+        assert!((far.normal[1] + 0.5f64.sqrt()).abs() < 1e-12 && near.normal[1] < far.normal[1] - 0.1);
+    }
 }

@@ -108,7 +108,7 @@ impl Slabs {
         let slack = 1e-6 * (far - near);
         let start = near - slack;
         let step = (far + slack - start) / f64::from(count);
-        let light = half.nodes(open, step);
+        let light = half.nodes(open, step, f64::from(camera.size[0]) * f64::from(camera.size[1]));
         let [some_along, some_against] = facings(normal, eye, camera);
         let mut outlines = vec![];
         let mut add = |outline: &[[f64; 2]], number: u32| {
