@@ -205,6 +205,26 @@ impl Tracer<'_> {
         (x, light)
     }
 
+    /// A length that no field here changes much faster than: twice that on which the fastest would run through all its values. Nothing where
+    /// light has edges, or where it is not known how fast some field changes.
+    fn gentle(&self, media: &[Medium<'_>]) -> Option<f64> {
+        if self.scene.is_lit() {
+            return None;
+        }
+        let mut least = f64::INFINITY;
+        for matter in media.iter().map(|m| m.matter).filter(|m| m.varying) {
+            for root in [matter.extinction, matter.emission].into_iter().flatten() {
+                let (range, steep) =
+                    (self.features().ranges()[root.0 as usize], self.features().steepness()[root.0 as usize]);
+                // What does not vary has no length.
+                if steep > 0.0 {
+                    least = least.min(2.0 * (range.high - range.low) / steep);
+                }
+            }
+        }
+        (least > 0.0 && least.is_finite()).then_some(least)
+    }
+
     /// Longest step: a third of it must see the smallest cell of anything piecewise that is here.
     /// Of a part of a ray, the whole counts.
     fn longest_step(&self, code: &mut Code, media: &[Medium<'_>], length: &Expr, whole: Option<&Expr>) -> Expr {
@@ -217,6 +237,11 @@ impl Tracer<'_> {
             None => length.clone() * share,
         };
         let plain = within(1.0 / parts);
+        // Where fields are known to change slowly, samples a quarter of a step apart see all of it.
+        let plain = match self.gentle(media).filter(|_| !shadow) {
+            Some(gentle) => plain.max(within(1.0 / 4.0).min(gentle)),
+            None => plain,
+        };
         let mut finest: Option<Expr> = None;
         for medium in media.iter().filter(|m| m.matter.varying) {
             let roots: Vec<NodeId> = [medium.matter.extinction, medium.matter.emission].into_iter().flatten().collect();
