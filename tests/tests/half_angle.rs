@@ -3,6 +3,7 @@
 use compiler::Options;
 use compiler::ir::{Aa, Backend, Scattering, Stacks};
 use compiler::program::{Precision, print_plan};
+use compiler::trial::Change;
 use runtime::frame::{Drawing, EngineChoice, FileLoader, Params, Session, Settings};
 use std::path::Path;
 use tyndall_tests::{codes, codes_of, draw, every_scene, fail, open, open_text};
@@ -264,6 +265,33 @@ fn the_plan_says_whose_turn_it_is() {
     let program = session.program();
     assert!(program.plan.light.is_none() && program.ledger.0.iter().any(|o| o.feature == "buffer of light"));
     agree("closed forms", &text, 1e-2);
+}
+
+/// Where light does not come through a slab, twice as many are as dark: that must be told by other means. And a hundredth of the matter is hardly seen.
+#[test]
+fn opaque_and_clear_media_keep_their_word() {
+    let text = format!("{MIST}{FRONT}{}", sun("(0.3, -1, 0.6)"));
+    for factor in [1e-2, 1e6] {
+        let change = Some(Change::Matter(factor));
+        let Some(ours) = drawn(&text, Options { change, slices: None, ..halves() }) else { return };
+        let reference = Options { aa: Some(Aa::None), change, ..Options::default() };
+        let settings = Settings { options: reference, engine: EngineChoice::Reference, ..Settings::default() };
+        let session = Session::open("scene.vol", &text, &FileLoader::new(Path::new(".")), settings);
+        let exact = draw(Path::new("scene.vol"), &mut session.unwrap_or_else(|t| fail(Path::new("scene.vol"), &t)));
+        let pixels = ours.picture.radiance().chunks(3).zip(exact.picture.radiance().chunks(3)).zip(&ours.errors);
+        let (mut beyond, mut worst) = (0, 0.0f32);
+        for ((a, b), said) in pixels {
+            assert!(a.iter().all(|v| v.is_finite() && *v >= 0.0));
+            let off = a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+            beyond += usize::from(off > said + 1e-4);
+            worst = worst.max(off);
+        }
+        println!(
+            "matter times {factor:e}: {:?} slabs, off by {worst:.2e}, of {:?}, {beyond} beyond",
+            ours.slabs, ours.predicted
+        );
+        assert!(beyond <= 5 && f64::from(worst) <= ours.predicted.expect("compared").0, "{factor}: {beyond}, {worst}");
+    }
 }
 
 /// Whatever of the suites has one light from one place, against the reference.

@@ -10,7 +10,8 @@
 //! What the buffer's resolution may make wrong is taken from the nodes themselves, as it is of columns of light (`cache`): a third of
 //! the difference from what every other node tells, since the error falls with the square of their distance, and all that nodes
 //! around a place differ by where they are torn apart. What the slabs' thickness adds shrinks with that of the slabs, and is in what
-//! pictures of two numbers of slabs differ by.
+//! pictures of two numbers of slabs differ by; but where light does not come through a slab both may be dark alike, and what its middle
+//! does not tell of the light in a slab is added besides.
 
 use super::cache::TORN;
 use super::light::{LightSample, Shadow};
@@ -225,7 +226,11 @@ impl Tracer<'_> {
             let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
             let off = torn.select(range, apart * (1.0 / 3.0));
             fields.push(("error".to_owned(), Ty::F32));
-            values.push(off + fine.field(1) + own.field(1));
+            // Across the slab light falls by twice the depth δ up to here: its middle is wrong by δ²/6 of itself (sinh δ/δ − 1) where that is
+            // little, and by no more than all that comes to the plane.
+            let deep = code.bind("deep", Ty::F32, largest(own.clone().field(0), dw));
+            let skin = deep.clone() * (deep * (1.0 / 6.0)).min(1.0);
+            values.push(off + fine.field(1) + own.field(1) + skin);
         }
         let result = self.builder.add_struct("LightBefore", fields);
         code.return_(Expr::Compose(result, values));

@@ -1,7 +1,7 @@
 //! Changes of the field graph.
 
 use super::Change;
-use crate::ir::{Binary, FieldScene, Graph, Input, NodeId, Op, Unary};
+use crate::ir::{Binary, FieldScene, Graph, Input, NodeId, Op, Stacks, Unary};
 use std::f64::consts::PI;
 
 /// The largest coefficient.
@@ -65,6 +65,10 @@ fn furnace(scene: &mut FieldScene) {
     let white = graph.scalar(1.0);
     scene.surfaces.iter_mut().for_each(|surface| surface.albedo = white);
     scene.lights.clear();
+    // Light from everywhere has no half angle.
+    if scene.render.stacks == Stacks::HalfAngle {
+        scene.render.stacks = Stacks::View;
+    }
     // They shine by themselves.
     scene.splats.clear();
     scene.background = white;

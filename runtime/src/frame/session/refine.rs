@@ -11,6 +11,8 @@ use crate::frame::Frame;
 
 /// Errors of nodes of light that are less than this of those before are worth more slabs.
 const SHRINKING: f64 = 0.7;
+/// As long as there are no more slabs than these, whose nodes are as close as they get: what is left is reported.
+const LIT_SLABS: u32 = 512;
 
 /// How many pieces, and of what size.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -89,7 +91,7 @@ impl Session {
             let share = canvas.compare(&coarse, larger.size / pieces.size - 1.0, bands);
             canvas.evaluations = canvas.evaluations.zip(coarse.evaluations).map(|(a, b)| a + b);
             // What nodes of light are wrong by shrinks with the slabs, unless there are as many as there may be.
-            let shrinks = self.follows_light() && own < SHRINKING * own_before;
+            let shrinks = self.follows_light() && own < SHRINKING * own_before && count < LIT_SLABS;
             let share = if shrinks { share + own } else { share };
             if share <= rounded.max(1.0) || count >= ladder.most || !share.is_finite() {
                 return Ok(Refined { frame, canvas, timing, pieces, spent });
