@@ -3,9 +3,9 @@
 use crate::backends::{self, REGISTRY};
 use crate::check::hir;
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::ir::{Backend, FieldScene, Scattering, Stacks};
+use crate::ir::{Backend, FieldScene, Pixels, Scattering, Stacks};
 use crate::loader::Loader;
-use crate::program::{BandPlace, Ledger, Program, RaySource};
+use crate::program::{BandPlace, FILLED, Ledger, Program, RaySource};
 use crate::source::Sources;
 use crate::trial::{self, Change};
 use crate::{Compilation, Options, lower, passes, resolve};
@@ -123,6 +123,15 @@ fn backend(
     let entry = REGISTRY.iter().find(|entry| entry.backend == wanted).expect("every backend is registered");
     let (kernels, plan) = (entry.build)(&mut optimised, options, &mut ledger, diagnostics)?;
     backends::settle(&mut forecasts, &plan, &lowered);
+    if lowered.render.pixels == Pixels::Adaptive && plan.rays == RaySource::Camera && plan.survey.is_none() {
+        let told = ledger.0.iter().find(|l| l.feature == FILLED).map(|l| l.reason.as_str());
+        let remark = Diagnostic::remark("N0532", "every pixel is drawn, although `pixels = adaptive`")
+            .note(told.unwrap_or("the ray marcher alone fills pixels in"));
+        diagnostics.push(match scene.render.span {
+            Some(span) => remark.at(span, "asked for here"),
+            None => remark,
+        });
+    }
     Some(Program { forecasts, ..Program::new((lowered, optimised), kernels, plan, ledger) })
 }
 

@@ -106,6 +106,9 @@ fn why_no_pixel_is_filled_in_is_told() {
         let program = compiled.program.unwrap_or_else(|| panic!("{:?}", compiled.diagnostics));
         let line = program.ledger.0.iter().find(|l| l.feature == "pixels that are filled in").map(|l| l.reason.clone());
         assert_eq!(line.is_none(), program.plan.survey.is_some(), "{text}");
+        // Whoever asked for it is told without asking.
+        let remarked = compiled.diagnostics.iter().any(|d| d.code == "N0532");
+        assert_eq!(remarked, line.is_some() && text.contains("adaptive"), "{text}");
         line
     };
     let of = |render: &str, image: &str| reason(&format!("{WAVES}\n{EYE}\nrender {{ {render} }}\nimage {{ {image} }}"));

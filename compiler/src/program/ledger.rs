@@ -13,6 +13,9 @@ pub struct Omission {
     pub span: Option<Span>,
 }
 
+/// What the ledger calls pixels that are not drawn.
+pub(crate) const FILLED: &str = "pixels that are filled in";
+
 /// All of them, in the order of the pipeline.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ledger(pub Vec<Omission>);

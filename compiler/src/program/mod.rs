@@ -9,6 +9,7 @@ mod reach;
 mod verify_kernel;
 
 pub use forecast::{Forecast, Outcome, print_forecasts};
+pub(crate) use ledger::FILLED;
 pub use ledger::{Ledger, Omission};
 pub use plan::{
     AGAINST, ALONE, Binding, Blend, BricksPart, Draw, EMPTY, Extent, Fault, FillPass, FootprintLayout, FootprintShape,

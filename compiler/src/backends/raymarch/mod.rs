@@ -5,7 +5,7 @@ use crate::diagnostic::Diagnostics;
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{Aa, Composite, FieldScene, Pixels};
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, Kernel, LocalId, Prim, Stage, Ty};
-use crate::program::{ALONE, Extent, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::program::{ALONE, Extent, FILLED, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
 use crate::transport::records::{self, Pixel, pixel, pixel_of, store};
 use crate::transport::{Scene, Traced, Tracer, edges, is_multiple, output_name, rays};
 
@@ -123,7 +123,7 @@ fn fills_in(scene: &FieldScene, options: &Options, tracer: &Tracer<'_>, samples:
         (Pixels::Adaptive, _) if !tracer.is_surveyable() => "the outline of a signed distance field has no closed form",
         (Pixels::Adaptive, _) => return true,
     };
-    ledger.omit("pixels that are filled in", reason, None);
+    ledger.omit(FILLED, reason, None);
     false
 }
 

@@ -235,6 +235,19 @@ render { backend = slicing  stacks = view }
 ```",
     },
     CodeInfo {
+        code: "N0532",
+        title: "pixels that are all drawn",
+        explanation:
+            "With `pixels = adaptive` the ray marcher draws some pixels and fills the others in from them. Here it draws all, \
+for the reason that is given: with several rays for each pixel (`aa = ssaa(n)`), a given number of `steps`, random paths, \
+projections of data, media whose outline is an `sdf`, or where closed forms make rays cheap. This works:
+
+```vol
+image { aa = analytic }
+render { backend = raymarch  pixels = adaptive }
+```",
+    },
+    CodeInfo {
         code: "E0590",
         title: "a number does not fit 32-bit floating point",
         explanation: "\

@@ -45,7 +45,7 @@ pub enum Clock {
 /// What a drawing cost.
 #[derive(Copy, Clone, Debug, Default, PartialEq)]
 pub struct Timing {
-    /// How long it took.
+    /// How long it took, what is worked out once for a picture included (by the wall clock), but for arranging splats.
     pub milliseconds: f64,
     /// By which clock.
     pub clock: Clock,
@@ -118,6 +118,8 @@ pub struct Prepared {
     bricks: Option<Arc<Vec<Vec<Bricks>>>>,
     /// Of the drawing that is under way.
     arranging: Arranging,
+    /// Milliseconds that were spent for it on what is kept of light.
+    filling: f64,
 }
 
 impl Gpu {
@@ -168,6 +170,7 @@ impl Gpu {
             tables: None,
             bricks: None,
             arranging: Arranging::default(),
+            filling: 0.0,
         })
     }
 }
@@ -366,7 +369,9 @@ impl Prepared {
             }
         }
         if let Some(nodes) = fill {
+            let started = Instant::now();
             self.once(block, Once::Fill, nodes)?;
+            self.filling = started.elapsed().as_secs_f64() * 1e3;
         }
         if plant.is_some() {
             self.once(block, Once::Plant, frame.lattice.len())?;
@@ -439,7 +444,7 @@ impl Prepared {
         take: &mut dyn FnMut(Tile, &[f32]),
     ) -> Result<Timing, GpuError> {
         self.gpu.watch.check()?;
-        self.arranging = Arranging::default();
+        (self.arranging, self.filling) = (Arranging::default(), 0.0);
         let mut block = self.evaluate(frame);
         let drawn = self.program.plan.bindings.contains(&Binding::Outlines);
         if drawn && self.resources.write_outlines(&self.gpu, &frame.slabs) {
@@ -516,7 +521,7 @@ impl Prepared {
         }
         let gpu_clock = self.gpu.timestamps && !unstamped && dispatches > 0;
         Ok(Timing {
-            milliseconds: 1e3 * if gpu_clock { stamped } else { started.elapsed().as_secs_f64() },
+            milliseconds: self.filling + 1e3 * if gpu_clock { stamped } else { started.elapsed().as_secs_f64() },
             clock: if gpu_clock { Clock::Gpu } else { Clock::Wall },
             dispatches,
             arranging: self.arranging,
