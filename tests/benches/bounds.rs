@@ -119,7 +119,7 @@ fn measure(trial: &Trial) -> Option<()> {
                 Some(b) => (between(b.1, now.1), between(b.2, now.2)),
                 None => (now.1, now.2),
             };
-            let more = if now.0 > error { "more than " } else { "" };
+            let more = if now.0 > 1.05 * error { "more than " } else { "" };
             println!(
                 "{:8} plain marching needs {more}{:.1} times the evaluations and {more}{:.2} times the time",
                 trial.name,

@@ -206,9 +206,10 @@ impl Tracer<'_> {
     }
 
     /// A length that no field here changes much faster than: twice that on which the fastest would run through all its values. Nothing where
-    /// light has edges, or where it is not known how fast some field changes.
+    /// light has edges, matter is here and there, or it is not known how fast some field changes.
     fn gentle(&self, media: &[Medium<'_>]) -> Option<f64> {
-        if self.scene.is_lit() {
+        // Where bricks differ, matter is in some places and not in others.
+        if self.scene.is_lit() || media.iter().any(|m| m.matter.bounds.is_some()) {
             return None;
         }
         let mut least = f64::INFINITY;
