@@ -241,7 +241,8 @@ impl Filling<'_> {
             let off = (0..self.channels()).map(off).fold(0.0, larger);
             // What steps are wrong by along either ray is counted besides.
             let known = guess.base + f64::from(self.canvas.errors[guess.pixel]) + guess.marched;
-            let ratio = (off - known).max(0.0) / guess.bend;
+            // Where something is not a number, nothing around it is filled in.
+            let ratio = if off.is_finite() { (off - known).max(0.0) / guess.bend } else { f64::INFINITY };
             let block = &mut single[guess.pixel / width / BLOCK * counts[0] + guess.pixel % width / BLOCK];
             *block = block.map(|most| most.max(ratio));
         }
