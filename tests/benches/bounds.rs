@@ -10,7 +10,7 @@ use compiler::program::OutputKind;
 use runtime::frame::{Drawing, EngineChoice, Session};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use tyndall_tests::{draw, open, root};
+use tyndall_tests::{draw, open, rms, root};
 
 /// Head-like: a shell of bone around tissue with cavities, and noise of a few counts, from a small generator.
 fn scan(folder: &Path) -> PathBuf {
@@ -74,12 +74,6 @@ fn best(trial: &Trial, session: &mut Session) -> Drawing {
     let mut drawings: Vec<Drawing> = (0..3).map(|_| draw(&trial.path, session)).collect();
     drawings.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
     drawings.swap_remove(0)
-}
-
-fn rms(a: &Drawing, b: &Drawing) -> f64 {
-    let (a, b) = (a.picture.radiance(), b.picture.radiance());
-    let sum: f64 = a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum();
-    (sum / a.len().max(1) as f64).sqrt()
 }
 
 fn measure(trial: &Trial) -> Option<()> {

@@ -7,7 +7,7 @@ use compiler::Options;
 use compiler::ir::{Aa, Pixels};
 use compiler::program::OutputKind;
 use runtime::frame::{Drawing, EngineChoice};
-use tyndall_tests::{draw, open, root};
+use tyndall_tests::{draw, open, rms, root};
 
 const SIZE: [u32; 2] = [1024, 768];
 
@@ -20,12 +20,6 @@ fn drawn(name: &str, pixels: Pixels, finer: f64) -> Option<Drawing> {
     let mut session = open(&path, Options { accuracy: Some(own / finer), ..options }, EngineChoice::Gpu)?;
     let drawings = [draw(&path, &mut session), draw(&path, &mut session)];
     drawings.into_iter().min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds))
-}
-
-fn rms(a: &Drawing, b: &Drawing) -> f64 {
-    let (a, b) = (a.picture.radiance(), b.picture.radiance());
-    let sum: f64 = a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum();
-    (sum / a.len().max(1) as f64).sqrt()
 }
 
 fn main() {

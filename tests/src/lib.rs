@@ -124,6 +124,14 @@ pub fn draw(path: &Path, session: &mut Session) -> Drawing {
     session.draw(&params, 0.0, &|_| {}).unwrap_or_else(|t| fail(path, &t))
 }
 
+/// The root of the mean square of what two pictures differ by, over pixels and bands, in lx.
+#[must_use]
+pub fn rms(a: &Drawing, b: &Drawing) -> f64 {
+    let (a, b) = (a.picture.radiance(), b.picture.radiance());
+    let sum: f64 = a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum();
+    (sum / a.len().max(1) as f64).sqrt()
+}
+
 /// Opens a scene that names no files on the GPU; `None` where there is none.
 ///
 /// # Panics

@@ -36,7 +36,7 @@ pub(super) const SKY: u32 = 24;
 /// Evaluations along a ray of which some look up columns: drivers that end loops after 65535 rounds get this far.
 pub(super) const MOST_LOOKS: u32 = 12_000;
 /// Depth between the nodes of a cell, and share of it by which two lattices differ, above which nothing is known within the cell.
-pub(super) const TORN: (f64, f64) = (4.0, 0.2);
+const TORN: (f64, f64) = (4.0, 0.2);
 /// What a depth may be wrong by, as a share of the way through a cell times the extinction that its lattice does not have: half of it, which is as
 /// far as a node is away along the way, and half as much again for what changes across it.
 const MISSED: f64 = 0.75;
@@ -64,6 +64,13 @@ pub(super) enum Channel {
     Disc(u32, Expr),
     /// Of a direction of the sky, by its number.
     Sky(Expr),
+}
+
+/// What a depth between nodes may be wrong by, of second order in their distance: a third of what every other node tells otherwise. But between
+/// nodes of which one lies before something opaque and one behind it, light may come through or not.
+pub(super) fn resolved(apart: Expr, range: Expr) -> Expr {
+    let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
+    torn.select(range, apart * (1.0 / 3.0))
 }
 
 impl Tracer<'_> {
@@ -315,10 +322,7 @@ impl Tracer<'_> {
         let near = code.bind("fine", found, near);
         let rough = code.bind("rough", found, Expr::Call(lattice, vec![u, channel, Expr::U32(2), way.clone()]));
         let apart = code.bind("apart", Ty::F32, largest((near.clone().field(0) - rough.field(0)).abs(), dw));
-        // Between nodes of which one lies before something opaque and one behind it, light may come through or not.
-        let range = near.clone().field(1);
-        let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
-        let off = torn.select(range, apart * (1.0 / 3.0));
+        let off = resolved(apart, near.clone().field(1));
         let through_cell = Expr::F32(1.0) / (largest(way.abs(), 3) * f64::from(n - 1));
         let missed = largest((k_open.clone() + near.clone().field(2)).abs(), dw) * through_cell * MISSED;
         let asked = inside.and(k_open.component_if(dw, 0).greater_equal(0.0));

@@ -13,7 +13,7 @@
 //! pictures of two numbers of slabs differ by; but where light does not come through a slab both may be dark alike, and what its middle
 //! does not tell of the light in a slab is added besides.
 
-use super::cache::TORN;
+use super::cache::resolved;
 use super::light::{LightSample, Shadow};
 use super::march::OPAQUE;
 use super::shapes::{Ray, SdfFunctions};
@@ -222,9 +222,7 @@ impl Tracer<'_> {
         if slabs.error {
             let rough = code.bind("rough", between, Expr::Call(lattice, vec![at, Expr::U32(2)]));
             let apart = code.bind("apart", Ty::F32, largest((fine.clone().field(0) - rough.field(0)).abs(), dw));
-            let range = fine.clone().field(2);
-            let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
-            let off = torn.select(range, apart * (1.0 / 3.0));
+            let off = resolved(apart, fine.clone().field(2));
             fields.push(("error".to_owned(), Ty::F32));
             // Across the slab light falls by twice the depth δ up to here: its middle is wrong by δ²/6 of itself (sinh δ/δ − 1) where that is
             // little, and by no more than all that comes to the plane.

@@ -149,6 +149,24 @@ impl Tracer<'_> {
         code.bind("to", Ty::VEC3, Expr::math(Math::Normalize, [to]))
     }
 
+    /// The direction of a light from a place, or of the middle of its disc, and how far away it is.
+    pub(super) fn towards(&mut self, code: &mut Code, p: &Expr, light: &Light) -> (Expr, Expr) {
+        let name = &light.name;
+        match light.kind {
+            LightKind::Directional { direction, .. } => {
+                let travel = self.builder.value(self.graph, direction, &format!("{name}_direction"));
+                (code.bind(&format!("to_{name}"), Ty::VEC3, -travel), Expr::F32(FAR))
+            }
+            LightKind::Point { position, .. } => {
+                let at = self.builder.value(self.graph, position, &format!("{name}_position"));
+                let way = code.bind(&format!("way_to_{name}"), Ty::VEC3, at - p.clone());
+                let distance = code.bind("distance", Ty::F32, Expr::math(Math::Length, [way.clone()]));
+                let to = way / distance.clone().max(1e-30).splat(3);
+                (code.bind(&format!("to_{name}"), Ty::VEC3, to), distance)
+            }
+        }
+    }
+
     /// Calls `each` with every sample of every light.
     pub(super) fn samples(
         &mut self,
@@ -160,14 +178,13 @@ impl Tracer<'_> {
         let lw = self.scene.light_width;
         for (number, light) in (0u32..).zip(self.scene.lights.clone()) {
             let name = light.name.clone();
+            let (to, limit) = self.towards(code, p, &light);
             match light.kind {
-                LightKind::Directional { direction, irradiance, angular_diameter } => {
-                    let travel = self.builder.value(self.graph, direction, &format!("{name}_direction"));
+                LightKind::Directional { irradiance, angular_diameter, .. } => {
                     let e = self.builder.value(self.graph, irradiance, &format!("{name}_irradiance"));
                     let e = widen(e, self.graph.width(irradiance), lw);
-                    let to = code.bind(&format!("to_{name}"), Ty::VEC3, -travel);
                     let Some(diameter) = angular_diameter else {
-                        let (limit, channel) = (Expr::F32(FAR), Channel::Light(number));
+                        let channel = Channel::Light(number);
                         each(self, code, &LightSample { to, limit, irradiance: e, even: None, channel });
                         continue;
                     };
@@ -179,35 +196,24 @@ impl Tracer<'_> {
                         self.disc(code, (number, &to), e, (&(diameter * 0.5), on_surface), each);
                     }
                 }
-                LightKind::Point { position, intensity, radius } => {
-                    let at = self.builder.value(self.graph, position, &format!("{name}_position"));
+                LightKind::Point { intensity, radius, .. } => {
                     let i = self.builder.value(self.graph, intensity, &format!("{name}_intensity"));
                     let i = widen(i, self.graph.width(intensity), lw);
-                    let way = code.bind(&format!("way_to_{name}"), Ty::VEC3, at - p.clone());
-                    let distance = code.bind("distance", Ty::F32, Expr::math(Math::Length, [way.clone()]));
                     let near = match radius {
                         Some(radius) => {
                             let radius = self.builder.value(self.graph, radius, &format!("{name}_radius"));
-                            distance.clone().max(radius)
+                            limit.clone().max(radius)
                         }
-                        None => distance.clone(),
+                        None => limit.clone(),
                     };
                     // At the point itself there is no direction, and no end to the light: it is left out there.
                     let near = code.bind("near", Ty::F32, near.max(1e-18));
-                    let to = way / distance.clone().max(1e-30).splat(3);
-                    let to = code.bind(&format!("to_{name}"), Ty::VEC3, to);
                     let e = i / near.clone().splat(lw) / near.splat(lw);
                     let e = code.bind("irradiance", Ty::float(lw), e.min(Expr::F32(1e30).splat(lw)));
                     each(
                         self,
                         code,
-                        &LightSample {
-                            to,
-                            limit: distance,
-                            irradiance: e,
-                            even: None,
-                            channel: Channel::Light(number),
-                        },
+                        &LightSample { to, limit, irradiance: e, even: None, channel: Channel::Light(number) },
                     );
                 }
             }
@@ -456,16 +462,18 @@ impl Tracer<'_> {
         into: &Gathered,
         (dw, lw): (u8, u8),
     ) {
-        let mut through = None;
-        if let Some((buffered, plane)) = self.buffered.clone().zip(into.plane.clone()) {
-            let (depth, off) = self.look_back(code, &buffered, p, sample, &plane);
-            let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
-            self.count_unsure(code, into, most, (&depth, &t), off);
-            through = Some(widen(t, dw, lw));
+        let kept = if let Some((buffered, plane)) = self.buffered.clone().zip(into.plane.clone()) {
+            Some(self.look_back(code, &buffered, p, sample, &plane))
         } else if let Some(cache) = self.cache.clone() {
             let (depth, off) = self.look_up(code, &cache, p, sample, into.k_open.as_ref());
+            Some((depth, Some(off)))
+        } else {
+            None
+        };
+        let mut through = None;
+        if let Some((depth, off)) = kept {
             let t = code.bind("through", Ty::float(dw), (-depth.clone()).exp());
-            self.count_unsure(code, into, most, (&depth, &t), Some(off));
+            self.count_unsure(code, into, most, (&depth, &t), off);
             through = Some(widen(t, dw, lw));
         } else if let Some(shadow) = self.shadow.clone() {
             let mut arguments = vec![p.clone(), sample.to.clone(), sample.limit.clone()];

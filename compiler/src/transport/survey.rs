@@ -8,8 +8,8 @@
 use super::shapes::{FAR, Ray, primitive_span};
 use super::trace::{Tracer, largest};
 use crate::fields::Code;
-use crate::ir::{Light, LightKind, PrimitiveKind};
-use crate::program::kernel::{Expr, FunctionId, Math, Ty};
+use crate::ir::PrimitiveKind;
+use crate::program::kernel::{Expr, FunctionId, Ty};
 
 /// An odd multiplier that spreads what differs over all bits (Knuth, The Art of Computer Programming 3, §6.4).
 const SPREAD: u32 = 2_654_435_761;
@@ -25,24 +25,6 @@ impl Tracer<'_> {
             | PrimitiveKind::Cylinder { .. } => true,
             PrimitiveKind::Shell { .. } | PrimitiveKind::Sdf { .. } => false,
         })
-    }
-
-    /// The direction of a light, or of the middle of its disc, and how far away it is.
-    fn towards(&mut self, code: &mut Code, at: &Expr, light: &Light) -> (Expr, Expr) {
-        let name = &light.name;
-        match light.kind {
-            LightKind::Directional { direction, .. } => {
-                let travel = self.builder.value(self.graph, direction, &format!("{name}_direction"));
-                (code.bind(&format!("to_{name}"), Ty::VEC3, -travel), Expr::F32(FAR))
-            }
-            LightKind::Point { position, .. } => {
-                let position = self.builder.value(self.graph, position, &format!("{name}_position"));
-                let way = code.bind(&format!("way_to_{name}"), Ty::VEC3, position - at.clone());
-                let distance = code.bind("distance", Ty::F32, Expr::math(Math::Length, [way.clone()]));
-                let to = code.bind(&format!("to_{name}"), Ty::VEC3, way / distance.clone().max(1e-30).splat(3));
-                (to, distance)
-            }
-        }
     }
 
     /// Writes the function.

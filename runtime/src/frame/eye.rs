@@ -45,9 +45,9 @@ pub struct Frame {
     pub slabs: super::Slabs,
     /// For splatting.
     pub lattice: super::Lattice,
-    /// As [`compiler::program::FrameValue::Lean`]. A drawing that leans takes the splats of the one before it.
+    /// As [`compiler::program::FrameValue::Lean`].
     pub lean: f64,
-    /// Whether pixels of this picture have been drawn before, so that what is worked out once for a picture is there.
+    /// Whether this goes on with the picture of the drawing before: what is worked out once for a picture (light, splats) is there.
     pub goes_on: bool,
     /// Splats of files as the picture shows them.
     pub footprints: Arc<super::Footprints>,

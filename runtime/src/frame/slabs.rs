@@ -57,14 +57,13 @@ impl Slabs {
             Stacks::View => eye.forward,
             Stacks::Object | Stacks::HalfAngle => axis(boxes, eye.forward),
         };
-        let depths = || boxes.iter().flatten().map(|p| dot(sub(*p, eye.anchor), normal));
         // Nothing is seen behind the eye; planes across the media stay where they are.
         let nearest = match stacks {
             Stacks::View => -eye.plane,
             Stacks::Object | Stacks::HalfAngle => f64::NEG_INFINITY,
         };
-        let near = depths().fold(f64::INFINITY, f64::min).max(nearest);
-        let far = depths().fold(f64::NEG_INFINITY, f64::max);
+        let [near, far] = depths(boxes, eye, normal);
+        let near = near.max(nearest);
         let bounds = bounds(boxes);
         if far <= near || count == 0 || camera.size.contains(&0) {
             return Self { normal, step: 1.0, count, bounds, ..Self::default() };
@@ -76,11 +75,7 @@ impl Slabs {
         let mut outlines = vec![];
         let mut draw = |slab: u32, turn: u32| {
             let low = start + f64::from(slab) * step;
-            let outline = outline(boxes, normal, (low, low + step), eye, camera);
-            let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, (slab + turn) as f32];
-            for pair in outline.windows(2).skip(1) {
-                outlines.extend([corner(outline[0]), corner(pair[0]), corner(pair[1])]);
-            }
+            fan(&mut outlines, &outline(boxes, normal, (low, low + step), eye, camera), slab + turn);
         };
         (0..count).rev().for_each(|slab| draw(slab, 0));
         if meets_from_behind(normal, eye, camera) {
@@ -98,9 +93,7 @@ impl Slabs {
         (half, count): (&HalfAngle, u32),
     ) -> Self {
         let normal = half.normal;
-        let depths = || boxes.iter().flatten().map(|p| dot(sub(*p, eye.anchor), normal));
-        let near = depths().fold(f64::INFINITY, f64::min);
-        let far = depths().fold(f64::NEG_INFINITY, f64::max);
+        let [near, far] = depths(boxes, eye, normal);
         let bounds = bounds(boxes);
         if far <= near || count == 0 || camera.size.contains(&0) {
             return Self { normal, step: 1.0, count, bounds, ..Self::default() };
@@ -111,14 +104,7 @@ impl Slabs {
         let light = half.nodes(open, step, f64::from(camera.size[0]) * f64::from(camera.size[1]));
         let [some_along, some_against] = facings(normal, eye, camera);
         let mut outlines = vec![];
-        let mut add = |outline: &[[f64; 2]], number: u32| {
-            let first = outlines.len() as u32;
-            let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, number as f32];
-            for pair in outline.windows(2).skip(1) {
-                outlines.extend([corner(outline[0]), corner(pair[0]), corner(pair[1])]);
-            }
-            first..outlines.len() as u32
-        };
+        let mut add = |outline: &[[f64; 2]], number: u32| fan(&mut outlines, outline, number);
         let mut turns = vec![];
         for slab in 0..count {
             let low = start + f64::from(slab) * step;
@@ -207,6 +193,22 @@ fn part(corners: &[Vec3; 8], depth: &dyn Fn(&Vec3) -> f64, (low, high): (f64, f6
 /// Corners of a square around a point in pixels.
 fn around([x, y]: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
     [-MARGIN, MARGIN].into_iter().flat_map(move |dx| [[x + dx, y - MARGIN], [x + dx, y + MARGIN]])
+}
+
+/// The least and the largest depth of boxes along a normal, from the eye's anchor; ∞ and −∞ where there is none.
+fn depths(boxes: &[[Vec3; 8]], eye: &Eye, normal: Vec3) -> [f64; 2] {
+    let depths = boxes.iter().flatten().map(|p| dot(sub(*p, eye.anchor), normal));
+    depths.fold([f64::INFINITY, f64::NEG_INFINITY], |[near, far], d| [near.min(d), far.max(d)])
+}
+
+/// Adds the triangles of a convex outline, and says which corners they are.
+fn fan(corners: &mut Vec<[f32; 3]>, outline: &[[f64; 2]], number: u32) -> Range<u32> {
+    let first = corners.len() as u32;
+    let corner = |p: [f64; 2]| [p[0] as f32, p[1] as f32, number as f32];
+    for pair in outline.windows(2).skip(1) {
+        corners.extend([corner(outline[0]), corner(pair[0]), corner(pair[1])]);
+    }
+    first..corners.len() as u32
 }
 
 /// Lower and upper corner of a box around all; an empty one where there is none.

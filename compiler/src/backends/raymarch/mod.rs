@@ -5,7 +5,7 @@ use crate::diagnostic::Diagnostics;
 use crate::fields::{Code, KernelBuilder};
 use crate::ir::{Aa, Composite, FieldScene, Pixels};
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, Kernel, LocalId, Prim, Stage, Ty};
-use crate::program::{ALONE, Extent, FILLED, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
+use crate::program::{ALONE, FILLED, FrameValue, Ledger, OutputKind, Pass, Plan, RaySource, StepRule};
 use crate::transport::records::{self, Pixel, pixel, pixel_of, store};
 use crate::transport::{Scene, Traced, Tracer, edges, is_multiple, output_name, rays};
 
@@ -43,23 +43,15 @@ pub(super) fn build(
     let mut traced = if many { tracer.write_paths(ledger) } else { tracer.write(ledger) };
     let edge_wanted = edged && options.outputs.contains(&OutputKind::Edge);
     let (outputs, stride) = records::layout(&traced.fields, edge_wanted);
-    let (entry, workgroup, extent) = match options.rays {
-        RaySource::Camera if many => {
-            let entry = path_camera_entry(scene, &mut builder, &traced, stride, aa != Aa::None);
-            (entry, [8, 8, 1], Extent::Tile)
-        }
-        RaySource::List if many => (path_list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
+    let (extent, workgroup) = records::extent(if fills { RaySource::List } else { options.rays });
+    let entry = match options.rays {
+        RaySource::Camera if many => path_camera_entry(scene, &mut builder, &traced, stride, aa != Aa::None),
+        RaySource::List if many => path_list_entry(&mut builder, &traced, stride),
         RaySource::Camera if edged => {
-            let entry = edged_entry(scene, &mut builder, seen.primitives(), &traced, (stride, edge_wanted), fills);
-            let (extent, workgroup) = records::extent(if fills { RaySource::List } else { options.rays });
-            (entry, workgroup, extent)
+            edged_entry(scene, &mut builder, seen.primitives(), &traced, (stride, edge_wanted), fills)
         }
-        RaySource::Camera => {
-            let entry = camera_entry(scene, &mut builder, &traced, (stride, samples), fills);
-            let (extent, workgroup) = records::extent(if fills { RaySource::List } else { options.rays });
-            (entry, workgroup, extent)
-        }
-        RaySource::List => (list_entry(&mut builder, &traced, stride), [64, 1, 1], Extent::Rays),
+        RaySource::Camera => camera_entry(scene, &mut builder, &traced, (stride, samples), fills),
+        RaySource::List => list_entry(&mut builder, &traced, stride),
     };
     let name = match options.rays {
         RaySource::Camera => "draw",

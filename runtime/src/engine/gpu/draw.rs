@@ -453,8 +453,7 @@ impl Prepared {
         if self.program.plan.footprints.is_some() {
             self.list_footprints(frame, &mut block)?;
         }
-        // A drawing that leans has the splats of the one before, and one that goes on all that was worked out for its picture.
-        if frame.lean == 0.0 && !frame.goes_on {
+        if !frame.goes_on {
             self.once_for_all(frame, &mut block)?;
         }
         let plan = &self.program.plan;

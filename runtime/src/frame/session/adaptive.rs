@@ -45,8 +45,6 @@ struct Guess {
     bend: f64,
     /// What is wrong with the pixels that it is filled in from, since they were filled in themselves.
     base: f64,
-    /// What filling in may be wrong by.
-    budget: f64,
     /// What steps are wrong by along the rays that it is filled in from, and what all of it may be.
     marched: f64,
     allowed: f64,
@@ -60,7 +58,7 @@ impl Guess {
 
     fn is_good(&self, kappa: f64) -> bool {
         let error = self.error(kappa);
-        error <= self.budget && error + self.marched <= self.allowed
+        error <= SHARE * self.allowed && error + self.marched <= self.allowed
     }
 }
 
@@ -215,13 +213,12 @@ impl Filling<'_> {
             let near = || rows.near();
             let dimmest = near().map(|n| self.brightest(n)).fold(f64::INFINITY, f64::min);
             let allowed = self.canvas.accuracy * dimmest;
-            let budget = SHARE * allowed;
-            let bend = near().map(bend_at).fold(0.0, larger) + FLOOR * budget;
+            let bend = near().map(bend_at).fold(0.0, larger) + FLOOR * SHARE * allowed;
             let base = TAKEN_OVER * near().map(|n| f64::from(self.filled[n])).fold(0.0, larger);
             let checked = splitmix(&mut (pixel as u64)).is_multiple_of(CHECKED);
             let marched =
                 TAKEN_OVER * near().map(|n| f64::from(self.canvas.errors[n] - self.filled[n])).fold(0.0, larger);
-            let guess = Guess { pixel, rows, bend, base, budget, marched, allowed, checked };
+            let guess = Guess { pixel, rows, bend, base, marched, allowed, checked };
             if guess.is_good(LEAST) {
                 guesses.push(guess);
             } else {

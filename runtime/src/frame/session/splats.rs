@@ -51,6 +51,7 @@ impl Session {
         let Refined { mut frame, mut canvas, mut timing, pieces, spent } = refined;
         // Two lattices differ by nothing where a boundary is off by as much in both: what the last leaves open is drawn.
         let mut ends = vec![];
+        frame.goes_on = true;
         for lean in [1.0, -1.0] {
             frame.lean = lean;
             let (end, took) = self.canvas(&frame, &|_| {})?;
@@ -83,7 +84,7 @@ impl Session {
             let answer = |session: &mut Self, lattice: Lattice, lean: f64| {
                 session.probe_gpu(params, std::slice::from_ref(ray), settings, |frame| {
                     frame.eye.forward = ray.1;
-                    (frame.lattice, frame.lean) = (lattice, lean);
+                    (frame.lattice, frame.lean, frame.goes_on) = (lattice, lean, lean != 0.0);
                 })
             };
             let mut last = Lattice::default();
