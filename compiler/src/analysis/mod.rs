@@ -7,6 +7,7 @@ pub mod interval;
 pub mod jumps;
 pub mod narrow;
 pub mod range;
+pub mod support;
 
 use crate::ir::{Graph, NodeId, Op};
 

@@ -143,6 +143,12 @@ impl KernelBuilder {
         parts.map(|(part, word)| self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part)))
     }
 
+    /// How far the support of a medium rises over spans: two times three.
+    pub fn rises(&mut self, number: u32, name: &str) -> [Expr; 2] {
+        let parts = [(BricksPart::RiseNear, "rise_near"), (BricksPart::RiseFar, "rise_far")];
+        parts.map(|(part, word)| self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part)))
+    }
+
     /// The list of rays.
     pub fn rays(&mut self) -> u32 {
         self.resource("rays", ResourceKind::ReadBuffer(Ty::F32), Binding::Rays)

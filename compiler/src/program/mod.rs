@@ -14,7 +14,7 @@ pub use ledger::{Ledger, Omission};
 pub use plan::{
     AGAINST, ALONE, Binding, Blend, BricksPart, Draw, EMPTY, Extent, Fault, FillPass, FootprintLayout, FootprintShape,
     FrameValue, Geometry, HIDING, LightBuffer, ListPasses, MOST_BRICKS, MediumBounds, Narrow, Output, OutputKind, Pass,
-    Plan, PlantPass, Precision, RaySource, SPLAT_CUT, SortBuffer, SortPass, StepRule, Target, UniformField,
+    Plan, PlantPass, Precision, RaySource, SPANS, SPLAT_CUT, SortBuffer, SortPass, StepRule, Target, UniformField,
     UniformLayout, UniformSource, texture_prim,
 };
 pub use print::{print_graphviz, print_ir, print_ledger, print_plan, print_scene};

@@ -104,7 +104,15 @@ pub enum BricksPart {
     PerUnit,
     /// vec3: bricks along each axis.
     Counts,
+    /// vec3: by how much [`MediumBounds::support`] is higher between two places than at either of them at most, where these are
+    /// the first three of [`SPANS`] apart.
+    RiseNear,
+    /// vec3: the same for the other three.
+    RiseFar,
 }
+
+/// Distances in cells over which it is measured how far a field rises between two places.
+pub const SPANS: [f64; 6] = [0.125, 0.25, 0.5, 1.0, 2.0, 4.0];
 
 /// What may be left in bricks that count as empty, as a share of the accuracy: of a picture, all together, in optical depth and
 /// in emission relative to white. For a probe nothing may be left.
@@ -132,6 +140,8 @@ pub struct MediumBounds {
     pub cell: Option<f64>,
     /// The same, where it is the cell of a noise: what is cut off at a value may leave grains of any size.
     pub grain: Option<f64>,
+    /// Where there are grains, a scalar that is not negative wherever any coefficient is anything but 0.
+    pub support: Option<NodeId>,
 }
 
 /// A scalar field, its gradient, and the bands of its values within which coefficients may rise and fall again.

@@ -4,15 +4,17 @@
 
 use super::matter::{Matter, Scene};
 use super::media::Medium;
+use super::nodes::Nodes;
 use super::shapes::{FAR, Ray, Region};
 use super::trace::Tracer;
 use crate::analysis::feature::feature_length;
 use crate::analysis::narrow::narrow;
+use crate::analysis::support::support;
 use crate::fields::{Code, field_function};
-use crate::ir::{Composite, FieldScene, Graph, NodeId, Op, Primitive, PrimitiveKind, Tier};
+use crate::ir::{Composite, FieldScene, Graph, Input, NodeId, Op, Primitive, PrimitiveKind, Tier};
 use crate::passes;
-use crate::program::kernel::{Expr, FunctionId, Math, Prim, Ty};
-use crate::program::{FrameValue, HIDING, Ledger, MediumBounds, Narrow, StepRule};
+use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Prim, Ty};
+use crate::program::{FrameValue, HIDING, Ledger, MediumBounds, Narrow, SPANS, StepRule};
 
 /// Numbers of a brick's record; see [`crate::program::Binding::Bounds`].
 const RECORD: u32 = 4;
@@ -87,6 +89,17 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
     let cell = feature_length(&scene.graph, &roots);
     let live = scene.graph.reachable(&roots);
     let noise = scene.graph.ids().any(|id| live[id.0 as usize] && matches!(scene.graph.op(id), Op::CellHash { .. }));
+    let grain = cell.filter(|_| noise);
+    let support = match rule {
+        StepRule::Closed | StepRule::Adaptive(_) if grain.is_some() => support(&mut scene.graph, push, &roots),
+        StepRule::Closed
+        | StepRule::Fixed(_)
+        | StepRule::Adaptive(_)
+        | StepRule::Slabs { .. }
+        | StepRule::Splats { .. }
+        | StepRule::Paths(_) => None,
+    };
+    let support = support.filter(|s| is_measurable(&scene.graph, *s));
     MediumBounds {
         medium: m.index,
         extinction: m.extinction,
@@ -94,8 +107,17 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
         scattering: m.scattering,
         narrow: narrow.collect(),
         cell,
-        grain: cell.filter(|_| noise),
+        grain,
+        support,
     }
+}
+
+/// Whether a field is noise, alone or with other things that the runtime can evaluate without voxels.
+fn is_measurable(graph: &Graph, node: NodeId) -> bool {
+    let live = graph.reachable(&[node]);
+    let any = |f: &dyn Fn(&Op) -> bool| graph.ids().any(|id| live[id.0 as usize] && f(graph.op(id)));
+    any(&|op| matches!(op, Op::CellHash { .. }))
+        && !any(&|op| matches!(op, Op::Sample { .. } | Op::SampleGradient { .. } | Op::Input(Input::Direction)))
 }
 
 /// Share of the way across a brick than which no step need be shorter.
@@ -322,10 +344,59 @@ impl Tracer<'_> {
         Some(code.bind("longest_unseen", Ty::F32, least))
     }
 
+    /// Longest step whose samples, this far from a medium by the scalar that tells it, leave nothing of it unseen: between two
+    /// places as far apart as they are, that rises no higher.
+    fn longest_clear(&mut self, code: &mut Code, medium: &Medium<'_>, risen: impl Into<Expr>) -> Option<Expr> {
+        let (number, _) = medium.support_at?;
+        let cell = self.scene.bounds[number as usize].grain?;
+        let rises = self.builder.rises(number, &medium.matter.name);
+        let below = code.bind("below", Ty::F32, -risen.into());
+        let mut way: Option<Expr> = None;
+        let mut before = (0.0, Expr::F32(0.0));
+        for (i, span) in SPANS.into_iter().enumerate() {
+            let rise = rises[i / 3].clone().component((i % 3) as u8);
+            let more = (rise.clone() - before.1.clone()).max(1e-30);
+            let share = Expr::math(Math::Clamp, [(below.clone() - before.1) / more, 0.0.into(), 1.0.into()]);
+            let part = share * ((span - before.0) * cell * f64::from(super::nodes::NODES - 1));
+            way = Some(match way {
+                Some(way) => way + part,
+                None => part,
+            });
+            before = (span, rise);
+        }
+        way.map(|way| code.bind("longest_clear", Ty::F32, way))
+    }
+
+    /// Longest step where something is, and the longest next one: as far as fields are sampled for what they have, or there is
+    /// nothing of them.
+    pub(super) fn longest_celled(
+        &mut self,
+        code: &mut Code,
+        media: &[Medium<'_>],
+        risen: &mut dyn FnMut(u32) -> Option<LocalId>,
+    ) -> Option<Expr> {
+        if media.iter().all(|m| m.support_at.is_none()) {
+            return None;
+        }
+        Some(self.least_of(code, media, "celled", &mut |this, code, medium| {
+            let (number, _) = medium.support_at?;
+            let cell = this.scene.bounds[number as usize].grain?;
+            let clear = this.longest_clear(code, medium, risen(number)?)?;
+            Some(clear.max(2.0 * cell))
+        }))
+    }
+
     /// Longest step at t on which nothing that counts hides between samples which met nothing, where fields have cells of a known
     /// size. A bump that is cut off at zero is a parabola: of length ℓ and in a field of cells c and extinction σ it has an optical
     /// depth of about 3 σ ℓ³/c², and must not count against `accuracy`.
-    pub(super) fn longest_hiding(&mut self, code: &mut Code, ray: &Ray, media: &[Medium<'_>], t: Expr) -> Option<Expr> {
+    pub(super) fn longest_hiding(
+        &mut self,
+        code: &mut Code,
+        ray: &Ray,
+        media: &[Medium<'_>],
+        nodes: &Nodes,
+        t: Expr,
+    ) -> Option<Expr> {
         let celled = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].grain.is_some());
         if !media.iter().any(celled) {
             return None;
@@ -338,7 +409,12 @@ impl Tracer<'_> {
             let brick = this.brick(code, medium, &p, &ray.direction)?;
             let most = brick.extinction.max(brick.source / white.clone()).max(1e-30) * cell;
             let share = (accuracy.clone() * HIDING / most).min(1.0).max(HIDING_LEAST);
-            Some(Expr::math(Math::Pow, [share, (1.0 / 3.0).into()]) * (2.0 * cell))
+            let resolved = Expr::math(Math::Pow, [share, (1.0 / 3.0).into()]) * (2.0 * cell);
+            let watched = medium.support_at.and_then(|(number, _)| nodes.support(number));
+            match watched.and_then(|w| this.longest_clear(code, medium, w.most)) {
+                Some(clear) => Some(resolved.max(clear)),
+                None => Some(resolved),
+            }
         }))
     }
 

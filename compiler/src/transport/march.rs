@@ -1,6 +1,7 @@
 //! Steps through a segment in which something varies: a fixed number of them, or by local error control.
 
 use super::media::Medium;
+use super::nodes::NODES;
 use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
 use super::stride::Stride;
@@ -8,7 +9,7 @@ use super::trace::{Origin, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
 use crate::ir::NodeId;
 use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};
-use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
+use crate::program::{EMPTY, FrameValue, OutputKind, SPANS, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
 pub(super) const OPAQUE: f64 = 104.0;
@@ -244,12 +245,16 @@ impl Tracer<'_> {
             None => plain,
         };
         let mut finest: Option<Expr> = None;
+        // Through nothing that is known to be far away, a few steps lead.
+        let parts = if media.iter().all(|m| !m.matter.varying || m.support_at.is_some()) { 4.0 } else { 8.0 };
         for medium in media.iter().filter(|m| m.matter.varying) {
             let roots: Vec<NodeId> = [medium.matter.extinction, medium.matter.emission].into_iter().flatten().collect();
             let Some(cell) = self.features().length(&roots) else { continue };
+            // Where it is told how far away a medium is, what is found there decides.
+            let far = if medium.support_at.is_some() { f64::from(NODES - 1) * SPANS[SPANS.len() - 1] } else { 2.0 };
             let own = match &medium.here {
-                Some(here) => here.clone().select(2.0 * cell, FAR),
-                None => Expr::F32(2.0 * cell),
+                Some(here) => here.clone().select(far * cell, FAR),
+                None => Expr::F32(far * cell),
             };
             finest = Some(match finest {
                 Some(so_far) => so_far.min(own),
@@ -259,10 +264,10 @@ impl Tracer<'_> {
         // Where nothing piecewise is, the length alone decides.
         match finest {
             None => plain,
-            Some(Expr::F32(cell)) => within(1.0 / 8.0).min(cell),
+            Some(Expr::F32(cell)) => within(1.0 / parts).min(cell),
             Some(finest) => {
                 let finest = code.bind("finest", Ty::F32, finest);
-                finest.clone().less(FAR).select(within(1.0 / 8.0).min(finest), plain)
+                finest.clone().less(FAR).select(within(1.0 / parts).min(finest), plain)
             }
         }
     }
@@ -434,15 +439,20 @@ impl Tracer<'_> {
             let hidden = code.var("hidden", Ty::F32, 0.0);
             code.open();
             let middle = from.clone() + half.clone();
-            let longest = self.longest_hiding(code, ray, media, middle);
+            let longest = self.longest_hiding(code, ray, media, &nodes, middle);
             if let Some(longest) = &longest {
                 let much = code.bind("times", Ty::F32, step.clone() / longest.clone());
-                code.set(hidden, much.clone() * much);
+                code.set(hidden, much.clone() * much.clone() * much);
             }
             let block = code.close();
             if longest.is_some() {
-                code.push_if(seen.equal(0.0), block);
+                code.push_if(seen.clone().equal(0.0), block);
                 strict.push(hidden.into());
+            }
+            if let Some(longest) = self.longest_celled(code, media, &mut |n| nodes.support(n).map(|w| w.most)) {
+                let much = code.bind("cells", Ty::F32, step.clone() / longest);
+                let much = much.clone() * much.clone() * much;
+                strict.push(seen.equal(0.0).select(0.0, much));
             }
         }
         let worst = |all: Vec<Expr>| all.into_iter().reduce(Expr::max).unwrap_or(Expr::F32(0.0));
@@ -511,7 +521,12 @@ impl Tracer<'_> {
             Some(cut) => accept.and(cut).select(wanted.clone().max(h), wanted),
             None => wanted,
         };
-        let next = Expr::math(Math::Clamp, [wanted, shortest, longest]);
+        let onward = self.longest_celled(code, media, &mut |n| nodes.support(n).map(|w| w.latest));
+        let longest = match onward {
+            Some(onward) => longest.min(onward),
+            None => longest,
+        };
+        let next = Expr::math(Math::Clamp, [wanted, shortest.clone(), longest.max(shortest)]);
         // Out of work: the rest is taken in one step, whose error stands in the report.
         code.set(h, spent.select(length.clone(), next));
         let block = code.close();

@@ -8,7 +8,7 @@ use super::trace::{Tracer, Walk};
 use crate::fields::{Code, FieldFunction, field_function};
 use crate::ir::{Graph, NodeId, Op, Tier};
 use crate::program::kernel::{Expr, Ty};
-use crate::program::{Fault, OutputKind};
+use crate::program::{Fault, OutputKind, StepRule};
 use std::rc::Rc;
 
 /// The values of a medium's coefficients where they do not depend on the position.
@@ -37,6 +37,8 @@ pub(super) struct Medium<'a> {
     pub(super) extinction_at: Option<usize>,
     pub(super) emission_at: Option<usize>,
     pub(super) scattering_at: Option<usize>,
+    /// The same of the scalar without which there is nothing of it, by the number of its bounds.
+    pub(super) support_at: Option<(u32, usize)>,
     /// The same of what is checked, and the numbers of its faults: negative, and not finite.
     pub(super) checks_at: Vec<(usize, u32, u32)>,
     /// Whether it is here; `None` is always.
@@ -53,6 +55,7 @@ impl<'a> Medium<'a> {
             extinction_at: None,
             emission_at: None,
             scattering_at: None,
+            support_at: None,
             checks_at: vec![],
             here: None,
         }
@@ -68,6 +71,7 @@ impl<'a> Medium<'a> {
         for at in [&mut self.extinction_at, &mut self.emission_at, &mut self.scattering_at].into_iter().flatten() {
             *at = to(*at);
         }
+        self.support_at.iter_mut().for_each(|s| s.1 = to(s.1));
         self.checks_at.iter_mut().for_each(|c| c.0 = to(c.0));
     }
 }
@@ -133,6 +137,7 @@ impl Tracer<'_> {
                 medium.extinction_at = extinction.map(|n| place("k_t", n));
                 medium.emission_at = emission.map(|n| place("k_e", n));
                 medium.scattering_at = scattering.map(|n| place("k_s", n));
+                medium.support_at = self.support(matter).map(|(number, node)| (number, place("support", node)));
                 let checks = if self.wants(OutputKind::Fault) { matter.checks.as_slice() } else { &[] };
                 let fault = |field, not_finite| Fault { medium: matter.index, field, not_finite }.code();
                 let check =
@@ -161,6 +166,14 @@ impl Tracer<'_> {
             group.members.iter().for_each(|m| out[*m].varying = Some(varying.clone()));
         }
         out
+    }
+
+    /// What tells steps how far from a medium they are, and the number of its bounds.
+    fn support(&self, matter: &Matter) -> Option<(u32, NodeId)> {
+        let steered = matches!(self.rule, StepRule::Closed | StepRule::Adaptive(_)) && matches!(self.walk, Walk::Eye);
+        let number = matter.bounds.filter(|_| steered)?;
+        let node = self.scene.bounds[number as usize].support?;
+        (self.scene.tiers[node.0 as usize] == Tier::Sample).then_some((number, node))
     }
 
     /// Puts a medium into the group of one that lies in the same region and shares something costly, or into one of its own.

@@ -3,13 +3,13 @@
 
 use super::media::Medium;
 use super::sample::Sampled;
-use super::shapes::Ray;
+use super::shapes::{FAR, Ray};
 use super::trace::{State, Tracer};
 use crate::fields::Code;
 use crate::program::kernel::{Expr, LocalId, Ty};
 
 /// Samples on a step.
-const NODES: u32 = 5;
+pub(super) const NODES: u32 = 5;
 
 /// A quantity that is sampled across a step.
 struct Followed {
@@ -32,6 +32,15 @@ struct Steering {
     swing: LocalId,
 }
 
+/// The scalar without which there is nothing of a medium.
+pub(super) struct Watched {
+    /// Of the medium's bounds.
+    pub(super) number: u32,
+    /// The largest on the step.
+    pub(super) most: LocalId,
+    pub(super) latest: LocalId,
+}
+
 /// What the samples of a step found.
 pub(super) struct Nodes {
     /// Whether the beginning of the step has not been sampled yet.
@@ -39,6 +48,7 @@ pub(super) struct Nodes {
     extinction: Option<Followed>,
     source: Option<Followed>,
     error: Option<Followed>,
+    supports: Vec<Watched>,
 }
 
 impl Followed {
@@ -92,7 +102,7 @@ struct Weights {
 impl Nodes {
     fn of(&self, mean: impl Fn(&Followed) -> Option<LocalId>) -> Sampled {
         let value = |f: &Option<Followed>| f.as_ref().and_then(&mean).map(Expr::Local);
-        Sampled { extinction: value(&self.extinction), source: value(&self.source), source_error: None }
+        Sampled { extinction: value(&self.extinction), source: value(&self.source), source_error: None, supports: vec![] }
     }
 
     /// Means over the step.
@@ -130,6 +140,11 @@ impl Nodes {
         of.and_then(|f| f.steering.as_ref()).map_or(Expr::F32(0.0), |s| s.swing.into())
     }
 
+    /// How near the step came to a medium.
+    pub(super) fn support(&self, number: u32) -> Option<&Watched> {
+        self.supports.iter().find(|w| w.number == number)
+    }
+
     /// The mean of what the source may be wrong by, if that is known.
     pub(super) fn source_error(&self) -> Option<Expr> {
         self.error.as_ref().map(|f| (Expr::Local(f.first) + Expr::Local(f.second)) * 0.5)
@@ -147,7 +162,14 @@ impl Tracer<'_> {
         let attenuates = media.iter().any(|m| m.matter.extinction.is_some());
         let glows = lit.is_some() || media.iter().any(|m| m.matter.emission.is_some());
         let told = lit.is_some_and(|l| l.error.is_some()) && state.error.is_some();
+        let supports = media.iter().filter_map(|m| m.support_at).map(|(number, _)| Watched {
+            number,
+            most: code.var(&format!("support_most_{number}"), Ty::F32, -FAR),
+            latest: code.var(&format!("support_{number}"), Ty::F32, -FAR),
+        });
+        let supports = supports.collect();
         Nodes {
+            supports,
             fresh: code.var("fresh", Ty::BOOL, true),
             extinction: attenuates.then(|| Followed::declare(code, "k_t", self.scene.depth_width, true)),
             source: (glows && state.radiance.is_some())
@@ -170,6 +192,9 @@ impl Tracer<'_> {
         let fresh = Expr::Local(nodes.fresh);
         for followed in nodes.all() {
             followed.begin(code, &fresh);
+        }
+        for watched in &nodes.supports {
+            code.set(watched.most, fresh.clone().select(-FAR, watched.latest));
         }
         if let Some(work) = state.work {
             code.add(work, fresh.clone().select(NODES, NODES - 1));
@@ -200,6 +225,11 @@ impl Tracer<'_> {
             if let (Some(followed), Some(value)) = (followed, value) {
                 followed.add(code, value.clone(), &weights);
             }
+        }
+        for (watched, (number, value)) in nodes.supports.iter().zip(sampled.supports) {
+            debug_assert_eq!(watched.number, number, "in the order of the media");
+            code.set(watched.most, Expr::Local(watched.most).max(value.clone()));
+            code.set(watched.latest, value);
         }
         code.add(node, 1.0);
         let block = code.close();

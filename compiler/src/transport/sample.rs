@@ -16,6 +16,8 @@ pub(super) struct Sampled {
     pub(super) source: Option<Expr>,
     /// What the latter may be wrong by, the largest over the bands.
     pub(super) source_error: Option<Expr>,
+    /// By the number of a medium's bounds, the scalar without which there is nothing of it.
+    pub(super) supports: Vec<(u32, Expr)>,
 }
 
 /// Sums over the media that are here.
@@ -26,6 +28,8 @@ pub(super) struct Sums {
     pub(super) source: Option<LocalId>,
     /// By phase function.
     pub(super) scattering: Vec<LocalId>,
+    /// By the number of a medium's bounds.
+    supports: Vec<(u32, LocalId)>,
 }
 
 /// What one medium adds, in the widths of the scene.
@@ -33,6 +37,7 @@ pub(super) struct Part {
     pub(super) extinction: Option<Expr>,
     pub(super) emission: Option<Expr>,
     pub(super) scattering: Option<Expr>,
+    support: Option<(u32, Expr)>,
 }
 
 impl Tracer<'_> {
@@ -67,7 +72,7 @@ impl Tracer<'_> {
             let part = self.sample_one(code, ray, state, &media[0], (&p, &t), &mut None);
             let extinction = part.extinction.map(|e| code.bind(&format!("k_t_{tag}"), Ty::float(dw), e));
             let source = part.emission.map(|e| code.bind(&format!("k_e_{tag}"), Ty::float(lw), e));
-            return Sampled { extinction, source, source_error: None };
+            return Sampled { extinction, source, source_error: None, supports: part.support.into_iter().collect() };
         }
         let sums = self.media_sums(code, ray, state, media, &t, tag, lights.is_some());
         let mut source_error = None;
@@ -81,6 +86,7 @@ impl Tracer<'_> {
             extinction: bind(code, sums.extinction, "k_t", dw),
             source: bind(code, sums.source, "source", lw),
             source_error: source_error.map(Expr::Local),
+            supports: sums.supports.into_iter().map(|(number, var)| (number, var.into())).collect(),
         }
     }
 
@@ -109,6 +115,9 @@ impl Tracer<'_> {
         let open: Vec<u32> = media.iter().map(|m| m.matter).filter(|m| self.open_depth(m)).map(|m| m.index).collect();
         let closed = media.iter().any(|m| m.matter.extinction.is_some() && !open.contains(&m.matter.index));
         let k_open = (told && closed).then(|| code.var(&format!("k_open_{tag}"), Ty::float(dw), zero(dw)));
+        let supported = media.iter().filter_map(|m| m.support_at);
+        let supports: Vec<(u32, LocalId)> =
+            supported.map(|(n, _)| (n, code.var(&format!("support_{tag}_{n}"), Ty::F32, -FAR))).collect();
         let all: Vec<&Medium<'_>> = media.iter().collect();
         self.each_part(code, ray, state, &all, (&p, t), &mut |code, matter, part| {
             if let (Some(total), Some(value)) = (extinction, part.extinction) {
@@ -123,8 +132,12 @@ impl Tracer<'_> {
             if let (Some(total), Some(value)) = (scattering.get(matter.phase), part.scattering) {
                 code.add(*total, value);
             }
+            if let Some((number, value)) = part.support {
+                let own = supports.iter().filter(|s| s.0 == number);
+                own.for_each(|(_, var)| code.set(*var, value.clone()));
+            }
         });
-        Sums { extinction, k_open, source, scattering }
+        Sums { extinction, k_open, source, scattering, supports }
     }
 
     /// Adds k_s times the in-scattered light of each phase function to the source.
@@ -218,6 +231,7 @@ impl Tracer<'_> {
         let mut extinction = medium.constant.extinction.clone();
         let mut emission = medium.constant.emission.clone();
         let mut scattering = medium.constant.scattering.clone();
+        let mut support = None;
         if let Some(Varying { name, function, hoisted }) = medium.varying.as_deref() {
             let value = value.get_or_insert_with(|| self.call(code, ray, (function, hoisted), (p, t), name)).clone();
             let part = |i: usize| function.part(&value, i);
@@ -230,6 +244,7 @@ impl Tracer<'_> {
             extinction = medium.extinction_at.map(part).or(extinction);
             emission = medium.emission_at.map(part).or(emission);
             scattering = medium.scattering_at.map(part).or(scattering);
+            support = medium.support_at.map(|(number, at)| (number, part(at)));
         }
         // A value that was reported must not spread.
         let guard = |value: Expr, width: u8, to: u8, varies: bool| {
@@ -245,7 +260,7 @@ impl Tracer<'_> {
         let emission = emission.map(|e| guard(e, width(matter.emission), lw, medium.emission_at.is_some()));
         let scattering = scattering.map(|e| guard(e, width(matter.scattering), lw, medium.scattering_at.is_some()));
         let light = state.radiance.is_some();
-        Part { extinction, emission: emission.filter(|_| light), scattering: scattering.filter(|_| light) }
+        Part { extinction, emission: emission.filter(|_| light), scattering: scattering.filter(|_| light), support }
     }
 
     fn check_width(&self, matter: &Matter, at: usize, medium: &Medium<'_>) -> u8 {

@@ -8,6 +8,7 @@
 use super::Vec3;
 use super::bounds::shells;
 use super::extremes::Grids;
+use super::rises::rises;
 use super::vector::length;
 use crate::engine::reference::bounding_box;
 use compiler::analysis::feature::lipschitz_of;
@@ -15,7 +16,7 @@ use compiler::analysis::interval::{Enclosure, Interval, Region, TableBounds, Wor
 use compiler::analysis::range::Known;
 use compiler::ir::eval::evaluate_frame;
 use compiler::ir::{FieldScene, NodeId, Primitive, PrimitiveKind, Shape};
-use compiler::program::{BricksPart, EMPTY, HIDING, MOST_BRICKS, MediumBounds};
+use compiler::program::{BricksPart, EMPTY, HIDING, MOST_BRICKS, MediumBounds, SPANS};
 use rayon::prelude::*;
 
 /// Instructions on intervals that one level of a lattice may cost: about half a second of one core.
@@ -35,6 +36,8 @@ pub struct Bricks {
     counts: [u32; 3],
     /// Extinction, source, radius of emptiness, calm.
     records: Vec<[f32; 4]>,
+    /// How far the scalar that tells the medium rises between places, where steps go by that.
+    rises: [f64; SPANS.len()],
 }
 
 /// What counts as nothing: extinction and emission per unit of length.
@@ -67,6 +70,8 @@ impl Bricks {
             BricksPart::Low => self.low,
             BricksPart::PerUnit => self.per_unit,
             BricksPart::Counts => self.counts.map(f64::from),
+            BricksPart::RiseNear => [0, 1, 2].map(|i| self.rises[i]),
+            BricksPart::RiseFar => [3, 4, 5].map(|i| self.rises[i]),
         }
     }
 
@@ -202,7 +207,11 @@ impl Bricks {
                 [0.0, 0.0, empty[i] as f32, calm]
             }
         });
-        Self { low, per_unit: edge.map(|e| 1.0 / e), counts, records: records.collect() }
+        let rises = match (bounds.support, bounds.grain, around) {
+            (Some(support), Some(cell), Some(around)) => rises(scene, support, cell, around, (params, time)),
+            (None, ..) | (_, None, _) | (.., None) => [1e30; SPANS.len()],
+        };
+        Self { low, per_unit: edge.map(|e| 1.0 / e), counts, records: records.collect(), rises }
     }
 }
 

@@ -18,6 +18,7 @@ mod measure;
 mod params;
 mod paths;
 mod placed;
+mod rises;
 mod samples;
 mod session;
 mod slabs;
