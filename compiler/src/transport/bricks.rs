@@ -4,7 +4,7 @@
 
 use super::matter::{Matter, Scene};
 use super::media::Medium;
-use super::nodes::Nodes;
+use super::nodes::NODES;
 use super::shapes::{FAR, Ray, Region};
 use super::trace::Tracer;
 use crate::analysis::feature::feature_length;
@@ -345,44 +345,71 @@ impl Tracer<'_> {
     }
 
     /// Longest step whose samples, this far from a medium by the scalar that tells it, leave nothing of it unseen: between two
-    /// places as far apart as they are, that rises no higher.
+    /// places as far apart as they are, that rises no higher. A function, since steps ask it of what is behind and of what is ahead.
     fn longest_clear(&mut self, code: &mut Code, medium: &Medium<'_>, risen: impl Into<Expr>) -> Option<Expr> {
         let (number, _) = medium.support_at?;
+        let function = match self.clears.iter().find(|c| c.0 == number) {
+            Some((_, function)) => *function,
+            None => {
+                let function = self.clear_function(medium.matter, number)?;
+                self.clears.push((number, function));
+                function
+            }
+        };
+        Some(code.bind("longest_clear", Ty::F32, Expr::Call(function, vec![-risen.into()])))
+    }
+
+    /// `name(below)`: piecewise linear between the spans.
+    fn clear_function(&mut self, matter: &Matter, number: u32) -> Option<FunctionId> {
         let cell = self.scene.bounds[number as usize].grain?;
-        let rises = self.builder.rises(number, &medium.matter.name);
-        let below = code.bind("below", Ty::F32, -risen.into());
-        let mut way: Option<Expr> = None;
+        let name = format!("{}_clear", matter.name);
+        let rises = self.builder.rises(number, &matter.name);
+        let mut code = Code::new(&name, matter.span);
+        let below = code.parameter("below", Ty::F32);
+        let way = code.var("way", Ty::F32, 0.0);
         let mut before = (0.0, Expr::F32(0.0));
         for (i, span) in SPANS.into_iter().enumerate() {
             let rise = rises[i / 3].clone().component((i % 3) as u8);
-            let more = (rise.clone() - before.1.clone()).max(1e-30);
-            let share = Expr::math(Math::Clamp, [(below.clone() - before.1) / more, 0.0.into(), 1.0.into()]);
-            let part = share * ((span - before.0) * cell * f64::from(super::nodes::NODES - 1));
-            way = Some(match way {
-                Some(way) => way + part,
-                None => part,
-            });
+            let past = match i {
+                0 => below.clone(),
+                _ => below.clone() - before.1.clone(),
+            };
+            let more = match i {
+                0 => rise.clone(),
+                _ => rise.clone() - before.1,
+            };
+            let share = Expr::math(Math::Clamp, [past / more.max(1e-30), 0.0.into(), 1.0.into()]);
+            code.add(way, share * ((span - before.0) * cell * f64::from(NODES - 1)));
             before = (span, rise);
         }
-        way.map(|way| code.bind("longest_clear", Ty::F32, way))
+        code.return_(Expr::Local(way));
+        Some(self.builder.add_function(code.finish(Some(Ty::F32))))
     }
 
-    /// Longest step where something is, and the longest next one: as far as fields are sampled for what they have, or there is
-    /// nothing of them.
-    pub(super) fn longest_celled(
+    /// For each medium that is told by a scalar, how far steps may go by what that is.
+    pub(super) fn clear_ways(
         &mut self,
         code: &mut Code,
         media: &[Medium<'_>],
-        risen: &mut dyn FnMut(u32) -> Option<LocalId>,
-    ) -> Option<Expr> {
-        if media.iter().all(|m| m.support_at.is_none()) {
+        risen: &dyn Fn(u32) -> Option<LocalId>,
+    ) -> Vec<(u32, Expr)> {
+        let way = |medium: &Medium<'_>| {
+            let (number, _) = medium.support_at?;
+            Some((number, self.longest_clear(code, medium, risen(number)?)?))
+        };
+        media.iter().filter_map(way).collect()
+    }
+
+    /// Longest step where something is: as far as cells are resolved, or there is nothing of a medium.
+    pub(super) fn longest_celled(&mut self, code: &mut Code, media: &[Medium<'_>], ways: &[(u32, Expr)]) -> Option<Expr> {
+        if ways.is_empty() {
             return None;
         }
-        Some(self.least_of(code, media, "celled", &mut |this, code, medium| {
+        Some(self.least_of(code, media, "celled", &mut |this, _, medium| {
             let (number, _) = medium.support_at?;
             let cell = this.scene.bounds[number as usize].grain?;
-            let clear = this.longest_clear(code, medium, risen(number)?)?;
-            Some(clear.max(2.0 * cell))
+            let (_, way) = ways.iter().find(|w| w.0 == number)?;
+            Some(way.clone().max(2.0 * cell))
         }))
     }
 
@@ -394,7 +421,7 @@ impl Tracer<'_> {
         code: &mut Code,
         ray: &Ray,
         media: &[Medium<'_>],
-        nodes: &Nodes,
+        ways: &[(u32, Expr)],
         t: Expr,
     ) -> Option<Expr> {
         let celled = |m: &Medium<'_>| m.matter.bounds.is_some_and(|b| self.scene.bounds[b as usize].grain.is_some());
@@ -410,11 +437,11 @@ impl Tracer<'_> {
             let most = brick.extinction.max(brick.source / white.clone()).max(1e-30) * cell;
             let share = (accuracy.clone() * HIDING / most).min(1.0).max(HIDING_LEAST);
             let resolved = Expr::math(Math::Pow, [share, (1.0 / 3.0).into()]) * (2.0 * cell);
-            let watched = medium.support_at.and_then(|(number, _)| nodes.support(number));
-            match watched.and_then(|w| this.longest_clear(code, medium, w.most)) {
-                Some(clear) => Some(resolved.max(clear)),
-                None => Some(resolved),
-            }
+            let way = medium.support_at.and_then(|(number, _)| ways.iter().find(|w| w.0 == number));
+            Some(match way {
+                Some((_, way)) => resolved.max(way.clone()),
+                None => resolved,
+            })
         }))
     }
 

@@ -436,10 +436,11 @@ impl Tracer<'_> {
             strict.push(seen.clone().equal(0.0).select(much.clone() * much, 0.0));
         }
         if matches!(self.walk, Walk::Eye) && media.iter().any(|m| m.matter.bounds.is_some()) {
+            let ways = self.clear_ways(code, media, &|n| nodes.support(n).map(|w| w.most));
             let hidden = code.var("hidden", Ty::F32, 0.0);
             code.open();
             let middle = from.clone() + half.clone();
-            let longest = self.longest_hiding(code, ray, media, &nodes, middle);
+            let longest = self.longest_hiding(code, ray, media, &ways, middle);
             if let Some(longest) = &longest {
                 let much = code.bind("times", Ty::F32, step.clone() / longest.clone());
                 code.set(hidden, much.clone() * much.clone() * much);
@@ -449,7 +450,7 @@ impl Tracer<'_> {
                 code.push_if(seen.clone().equal(0.0), block);
                 strict.push(hidden.into());
             }
-            if let Some(longest) = self.longest_celled(code, media, &mut |n| nodes.support(n).map(|w| w.most)) {
+            if let Some(longest) = self.longest_celled(code, media, &ways) {
                 let much = code.bind("cells", Ty::F32, step.clone() / longest);
                 let much = much.clone() * much.clone() * much;
                 strict.push(seen.equal(0.0).select(0.0, much));
@@ -469,8 +470,8 @@ impl Tracer<'_> {
         let bought = code.bind("bought", Ty::BOOL, bought.and(!within.clone()));
         // Errors fall as the third to the fifth power of a step and their shares as the first; where a kink is bought, steps
         // behind it are what they were before.
-        let factor = Expr::F32(0.9) / Expr::math(Math::Pow, [wrong.max(1e-6), (1.0 / 3.0).into()]);
-        let factor = Expr::math(Math::Clamp, [factor, Expr::F32(0.2), Expr::F32(3.0)]);
+        let factor = Expr::F32(0.8) / Expr::math(Math::Pow, [wrong.max(1e-6), (1.0 / 3.0).into()]);
+        let factor = Expr::math(Math::Clamp, [factor, Expr::F32(0.2), Expr::F32(1.5)]);
         let wanted = bought.clone().select(Expr::F32(1.0), factor) * step.clone();
         let wanted = code.bind("wanted", Ty::F32, wanted);
         let short = step.clone().less_equal(shortest.clone());
@@ -521,8 +522,8 @@ impl Tracer<'_> {
             Some(cut) => accept.and(cut).select(wanted.clone().max(h), wanted),
             None => wanted,
         };
-        let onward = self.longest_celled(code, media, &mut |n| nodes.support(n).map(|w| w.latest));
-        let longest = match onward {
+        let ways = self.clear_ways(code, media, &|n| nodes.support(n).map(|w| w.latest));
+        let longest = match self.longest_celled(code, media, &ways) {
             Some(onward) => longest.min(onward),
             None => longest,
         };

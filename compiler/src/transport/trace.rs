@@ -108,6 +108,8 @@ pub(crate) struct Tracer<'a> {
     pub(super) sides: Option<FieldFunction>,
     /// The functions that give the arguments of what is narrow, by number.
     pub(super) narrows: Vec<(u32, FieldFunction)>,
+    /// The functions that say how far steps may go below the scalars that tell media.
+    pub(super) clears: Vec<(u32, FunctionId)>,
 }
 
 /// Sums of parts of the error.
@@ -225,6 +227,7 @@ impl<'a> Tracer<'a> {
             bricks: vec![],
             sides: None,
             narrows: vec![],
+            clears: vec![],
         }
     }
 }
