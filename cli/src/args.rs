@@ -258,12 +258,13 @@ pub(crate) struct Probe {
 
 #[derive(Debug, Args)]
 pub(crate) struct Report {
-    /// The scene; `-` reads it from standard input
-    pub(crate) scene: String,
-    /// The folder for report.html, report.json and report.csv; made if it does not exist
+    /// The scene; `-` reads it from standard input. Of several each gets a folder of its own, and an index is made of them
+    #[arg(required = true, value_name = "SCENE")]
+    pub(crate) scenes: Vec<String>,
+    /// The folder for report.html, report.json, report.csv and report.svg; made if it does not exist
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Seconds that it may take, about; what does not fit is left out, and the report says what
+    /// Seconds that each may take, about; what does not fit is left out, and the report says what
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS", allow_hyphen_values = true, value_parser = positive)]
     pub(crate) budget: f64,
     /// Set a parameter: `density=6` in SI, or with a unit: `"height=2 km"`. Repeats

@@ -115,6 +115,81 @@ fn the_page_needs_no_network_and_shows_everything() {
     }
 }
 
+/// What the ray marcher cannot draw.
+const SPLATS: &str = "splats tree { file = \"splats.ply\" }
+camera { from = (0, 0, -4) m  to = (0, 0, 0) m  fov = 30 deg }
+image { size = 8 x 6 }
+";
+/// Two Gaussians of degree 0, as 3D Gaussian splatting writes them (Kerbl et al. 2023).
+const PLY: &str = "ply
+format ascii 1.0
+element vertex 2
+property float x
+property float y
+property float z
+property float f_dc_0
+property float f_dc_1
+property float f_dc_2
+property float opacity
+property float scale_0
+property float scale_1
+property float scale_2
+property float rot_0
+property float rot_1
+property float rot_2
+property float rot_3
+end_header
+0 0 0 1 0 0 1 -1 -1 -1 1 0 0 0
+0.3 0.2 0.5 0 1 0 2 -2 -1 -2 1 0 0 0
+";
+
+#[test]
+fn several_scenes_have_a_folder_each_and_an_index() {
+    let place = Place::new().with("a.vol", SMOOTH).with("splats.vol", SPLATS).with("splats.ply", PLY);
+    let place = place.with("broken.vol", "medium {");
+    let run = place.vol(&["report", "a.vol", "splats.vol", "broken.vol", "a.vol", "-o", "out", "--budget", "2"]);
+    // What one lacks does not keep the others from being drawn, and is said.
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("broken.vol"), "{}", run.err);
+    let index = fs::read_to_string(place.path().join("out/README.md")).expect("an index");
+    for there in ["## a\n", "## splats\n", "## a-2\n", "(a/report.svg)", "(a/report.html)", "| cpu |", "for about 2 s"]
+    {
+        assert!(index.contains(there), "{there}: {index}");
+    }
+    assert!(!index.contains("## broken"), "{index}");
+    let own = place.path().display().to_string();
+    for name in ["a", "splats", "a-2"] {
+        for file in ["report.html", "report.json", "report.csv", "report.svg"] {
+            let text = fs::read_to_string(place.path().join("out").join(name).join(file)).expect("written");
+            assert!(!text.is_empty() && !text.contains(&own), "{name}/{file} names a place of this machine");
+        }
+    }
+    // A plot of its own stands alone.
+    let plot = fs::read_to_string(place.path().join("out/a/report.svg")).expect("a plot");
+    for there in ["<svg xmlns=\"http://www.w3.org/2000/svg\"", "<style>", "--paper", "cpu, ", "rms error / lx"] {
+        assert!(plot.contains(there), "{there}");
+    }
+    for outside in ["<script", "<link", "@import", "url(", "https:"] {
+        assert!(!plot.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn what_a_schedule_cannot_be_drawn_by_is_said_once() {
+    let endless = "medium air { k_s = 0.02 /km * exp(-p.y / 1 km) }
+light sun { direction = (0, -1, 1)  irradiance = 20 lx }
+camera { from = (0, 2, 0) m  to = (0, 200, 1000) m  fov = 30 deg }
+image { size = 4 x 4 }
+render { scattering = single }
+";
+    let (_, document) = report(endless, &["--engine", "cpu", "--budget", "4"]);
+    let left_out = document["left_out"].as_array().expect("a list");
+    let steps: Vec<&Value> = left_out.iter().filter(|o| o["quantity"] == "steps").collect();
+    let reason = |o: &&&Value| o["reason"].as_str().is_some_and(|r| r.contains("E0652"));
+    let refused: Vec<_> = steps.iter().filter(reason).collect();
+    assert!(refused.len() == 1 && refused[0]["values"].as_array().is_some_and(|v| v.len() > 3), "{document:#}");
+}
+
 #[test]
 fn the_midpoint_rule_has_the_slope_of_theory_on_every_engine() {
     let (_, document) = report(SMOOTH, &["--budget", "6"]);

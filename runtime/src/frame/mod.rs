@@ -46,6 +46,7 @@ pub(crate) use params::with_unit;
 pub(crate) use placed::{Placed, placed};
 pub(crate) use samples::splitmix;
 pub use samples::{sample_offsets, stratified_pixels};
+pub(crate) use session::TOO_LONG;
 pub use session::{Cause, Drawing, EngineChoice, ProbeSettings, RayAnswer, RayQuery, Session, Settings, Trouble};
 pub use slabs::{Slabs, Turn};
 pub(crate) use values::{AT_MOST_ONE, GAIN, to_f32};

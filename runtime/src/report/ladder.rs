@@ -4,10 +4,10 @@ use super::compare::{Compared, compare};
 use super::fit::fit;
 use super::truth::Truth;
 use super::{LeftOut, Row, Series, Slope, Study, Way, sentence};
-use crate::frame::{Drawing, EngineChoice, Params, Session};
+use crate::frame::{Drawing, EngineChoice, Params, Session, TOO_LONG, Trouble};
 use compiler::Options;
 use compiler::ir::Backend;
-use compiler::program::{Plan, StepRule};
+use compiler::program::StepRule;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -15,8 +15,10 @@ use std::time::Instant;
 const AGAIN: (f64, usize) = (0.1, 5);
 /// Where rounding in f32 begins to be seen: so many units in the last place of the brightest pixel.
 const ROUNDINGS: f64 = 32.0;
-/// A trial picture has so many times fewer pixels along each side.
-const TRIAL: u32 = 8;
+/// Paths of a pixel that tell how many are needed.
+const LOOK: u32 = 128;
+/// Trial pictures have so many times fewer pixels along each side.
+const TRIALS: [u32; 3] = [8, 4, 2];
 
 /// What a ladder varies.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -124,15 +126,25 @@ fn own_quantity(session: &Session) -> (Quantity, f64) {
     }
 }
 
-/// What a plan of this kind can vary.
-fn quantities(plan: &Plan) -> Vec<Quantity> {
-    match plan.steps {
+/// What a plan of this kind can vary; the processor knows no pieces.
+fn quantities(session: &Session, way: Way) -> Vec<Quantity> {
+    match session.program().plan.steps {
+        StepRule::Splats { .. } | StepRule::Slabs { .. } if way.engine == EngineChoice::Cpu => vec![Quantity::Accuracy],
         StepRule::Closed => vec![],
         StepRule::Fixed(_) | StepRule::Adaptive(_) => vec![Quantity::Accuracy, Quantity::Steps],
         StepRule::Splats { .. } => vec![Quantity::Accuracy, Quantity::Splats],
         StepRule::Slabs { .. } => vec![Quantity::Accuracy, Quantity::Slices],
         StepRule::Paths(_) => vec![Quantity::Accuracy, Quantity::Samples],
     }
+}
+
+/// The last picture, or the one that is nearest to what comes.
+#[derive(Copy, Clone, Debug)]
+struct Last {
+    value: f64,
+    seconds: f64,
+    /// Whether it was drawn; else it would take so long.
+    drawn: bool,
 }
 
 /// A series while it is being drawn.
@@ -143,78 +155,180 @@ pub(super) struct Line {
     random: bool,
     rows: Vec<Row>,
     waiting: VecDeque<f64>,
-    /// Value and seconds of the last picture, or of the one that is nearest to what comes.
-    last: (f64, f64),
+    last: Last,
     /// Drawn before there was a reference.
     pending: Option<(Row, Drawing)>,
 }
 
-/// Draws the scene by its own schedule, if that does not take longer than `patience`, and makes a line of each quantity that
-/// can be varied. Gives the reason if it cannot be drawn.
-pub(super) fn begin(study: &Study<'_>, way: Way, patience: f64) -> Result<(Vec<Line>, Drawing), String> {
-    let trial = study.size.map(|n| n.div_ceil(TRIAL));
-    let share = f64::from(study.size[0] * study.size[1]) / f64::from(trial[0] * trial[1]);
-    let (mut session, params) = study.open(way, trial, |_| {}).map_err(|t| sentence(&t))?;
-    let started = Instant::now();
-    draw(&mut session, &params, study.request.time)?;
-    let seconds = started.elapsed().as_secs_f64() * share;
-    // A picture so small takes longer for each pixel than a larger one on a GPU.
-    let expected = if way.engine == EngineChoice::Gpu { seconds / 4.0 } else { seconds };
-    if expected > patience {
-        return Err(format!(
-            "the budget: a picture would take about {expected:.0} s, and {patience:.0} s are its share"
-        ));
+/// What a way to draw begins with.
+pub(super) struct Begun {
+    pub(super) lines: Vec<Line>,
+    /// Whether pixels straddle an edge, where it says so.
+    pub(super) edges: Vec<bool>,
+    /// The scene's own schedule, if it takes too long.
+    pub(super) left_out: Option<LeftOut>,
+}
+
+/// Why there is no picture.
+struct Refused {
+    reason: String,
+    /// Whether more time would help.
+    slow: bool,
+}
+
+impl From<&Trouble> for Refused {
+    fn from(trouble: &Trouble) -> Self {
+        let slow = trouble.diagnostics.iter().any(|d| d.code == TOO_LONG);
+        let reason = sentence(trouble);
+        Self { reason: if slow { format!("the budget: {reason}") } else { reason }, slow }
     }
-    let started = Instant::now();
-    let (row, drawing, session) = picture(study, way, None)?;
-    let seconds = started.elapsed().as_secs_f64();
+}
+
+/// Draws the scene by its own schedule, if that does not take longer than `patience`, else as coarsely as may be; makes a line of each
+/// quantity that can be varied. Gives the reason if it cannot be drawn.
+pub(super) fn begin(study: &Study<'_>, way: Way, patience: f64) -> Result<Begun, String> {
+    let (mut session, params) = study.open(way, study.size, |_| {}).map_err(|t| sentence(&t))?;
     let (own, value) = own_quantity(&session);
-    let mut lines: Vec<Line> = vec![];
-    let mut all = quantities(&session.program().plan);
+    let mut all = quantities(&session, way);
     if !all.contains(&own) {
         all.push(own);
     }
     let closed = matches!(session.program().plan.steps, StepRule::Closed);
-    for quantity in all {
+    let line = |quantity: Quantity| {
         let mut waiting: VecDeque<f64> = if closed { VecDeque::new() } else { quantity.ladder().into() };
         waiting.retain(|v| quantity != own || *v != value);
-        let last = if quantity == own { (value, seconds) } else { (waiting[0], 0.0) };
-        lines.push(Line {
-            way,
-            adapter: session.adapter(),
-            quantity,
-            random: session.is_random(),
-            rows: vec![],
-            waiting,
-            last,
-            pending: None,
-        });
+        let last = Last { value: waiting.front().copied().unwrap_or(value), seconds: 0.0, drawn: false };
+        let random = session.is_random();
+        Line { way, adapter: session.adapter(), quantity, random, rows: vec![], waiting, last, pending: None }
+    };
+    let mut lines: Vec<Line> = all.into_iter().map(line).collect();
+    // Where pieces become more until they are enough, the engine itself says when that takes too long.
+    let refines = matches!(session.program().plan.steps, StepRule::Slabs { .. } | StepRule::Splats { .. });
+    let open_ended = session.is_random() && own == Quantity::Accuracy;
+    let expected = if refines && way.engine == EngineChoice::Gpu {
+        0.0
+    } else if open_ended {
+        let few = study.open(way, study.size, |options| options.samples = Some(LOOK));
+        let (mut session, params) = few.map_err(|t| sentence(&t))?;
+        expected(study, (&mut session, &params), open_ended, patience)?
+    } else {
+        expected(study, (&mut session, &params), open_ended, patience)?
+    };
+    let started = Instant::now();
+    let drawn = if expected > patience {
+        let reason =
+            format!("the budget: a picture would take about {expected:.1} s, and {patience:.1} s are its share");
+        Err(Refused { reason, slow: true })
+    } else {
+        session.resize(study.size);
+        draw_row(study, (&mut session, &params), None, patience)
+    };
+    match drawn {
+        Ok((mut row, drawing)) => {
+            let edges = drawing.edges.clone();
+            row.value = value;
+            for line in lines.iter_mut().filter(|l| l.quantity == own) {
+                line.last = Last { value, seconds: started.elapsed().as_secs_f64(), drawn: true };
+                line.pending = Some((row.clone(), drawing.clone()));
+            }
+            Ok(Begun { lines, edges, left_out: None })
+        }
+        Err(refused) if refused.slow => {
+            let mut omitted = None;
+            for line in lines.iter_mut().filter(|l| l.quantity == own) {
+                let seconds = if expected > 0.0 { expected } else { patience };
+                line.last = Last { value, seconds, drawn: false };
+                omitted = Some(line.without(vec![value], refused.reason.clone()));
+            }
+            // Edges are wanted before there is a reference: of some picture. The processor does not tell them.
+            let coarse = lines.iter_mut().rev().filter(|_| way.engine == EngineChoice::Gpu);
+            let edges = coarse.filter_map(|line| line.draw_next(study, patience).ok()).find(|e| !e.is_empty());
+            let edges = edges.unwrap_or_default();
+            Ok(Begun { lines, edges, left_out: omitted })
+        }
+        Err(refused) => Err(refused.reason),
     }
-    if let Some(line) = lines.iter_mut().find(|l| l.quantity == own) {
-        let mut row = row;
-        row.value = value;
-        line.pending = Some((row, drawing.clone()));
-    }
-    Ok((lines, drawing))
 }
 
-fn draw(session: &mut Session, params: &Params, time: f64) -> Result<Drawing, String> {
-    session.draw(params, time, &|_| {}).map_err(|t| sentence(&t))
+/// How long the scene's own schedule would take: from small pictures, which are drawn twice, since the first time is longer. What does not grow
+/// with the number of pixels is told by two of them.
+///
+/// Where paths are followed until they are enough, a few tell how many that are.
+fn expected(
+    study: &Study<'_>,
+    (session, params): (&mut Session, &Params),
+    open_ended: bool,
+    patience: f64,
+) -> Result<f64, String> {
+    let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
+    let all = pixels(study.size);
+    let mut before: Option<(f64, f64)> = None;
+    let mut expected = 0.0;
+    for shrunk in TRIALS {
+        let size = study.size.map(|n| n.div_ceil(shrunk));
+        session.resize(size);
+        let (mut seconds, mut more) = (f64::INFINITY, 1.0f64);
+        for _ in 0..2 {
+            let started = Instant::now();
+            let drawing = draw(session, params, study.request.time).map_err(|r| r.reason)?;
+            seconds = seconds.min(started.elapsed().as_secs_f64());
+            // Standard errors fall as 1/√n.
+            more = drawing.predicted.map_or(1.0, |(_, share)| share.powi(2)).max(1.0);
+            if seconds > patience {
+                break;
+            }
+        }
+        let own = pixels(size);
+        if open_ended {
+            return Ok(seconds * more * all / own);
+        }
+        let each = match before {
+            Some((n, less)) if own > n => ((seconds - less) / (own - n)).max(0.0),
+            Some(_) | None => seconds / own,
+        };
+        expected = seconds + each * (all - own);
+        // Another look is worth a quarter of the time.
+        if expected <= patience || 4.0 * seconds > 0.25 * patience {
+            break;
+        }
+        before = Some((own, seconds));
+    }
+    Ok(expected)
+}
+
+fn draw(session: &mut Session, params: &Params, time: f64) -> Result<Drawing, Refused> {
+    session.draw(params, time, &|_| {}).map_err(|t| Refused::from(&t))
 }
 
 /// One picture: the scene's own, or one of a ladder.
-fn picture(study: &Study<'_>, way: Way, asked: Option<(Quantity, f64)>) -> Result<(Row, Drawing, Session), String> {
+fn picture(
+    study: &Study<'_>,
+    way: Way,
+    asked: Option<(Quantity, f64)>,
+    patience: f64,
+) -> Result<(Row, Drawing), Refused> {
     let ask = |options: &mut Options| {
         if let Some((quantity, value)) = asked {
             quantity.ask(value, options);
         }
     };
-    let (mut session, params) = study.open(way, study.size, ask).map_err(|t| sentence(&t))?;
+    let (mut session, params) = study.open(way, study.size, ask).map_err(|t| Refused::from(&t))?;
+    draw_row(study, (&mut session, &params), asked, patience)
+}
+
+/// The same of a session that is open.
+fn draw_row(
+    study: &Study<'_>,
+    (session, params): (&mut Session, &Params),
+    asked: Option<(Quantity, f64)>,
+    patience: f64,
+) -> Result<(Row, Drawing), Refused> {
+    session.hurry(patience);
     let started = Instant::now();
-    let drawing = draw(&mut session, &params, study.request.time)?;
+    let drawing = draw(session, params, study.request.time)?;
     let mut times = vec![drawing.milliseconds];
     while started.elapsed().as_secs_f64() < AGAIN.0 && times.len() < AGAIN.1 && !session.is_random() {
-        times.push(draw(&mut session, &params, study.request.time)?.milliseconds);
+        times.push(draw(session, params, study.request.time)?.milliseconds);
     }
     times.sort_by(f64::total_cmp);
     let (compile_ms, build_ms) = session.milliseconds();
@@ -243,7 +357,7 @@ fn picture(study: &Study<'_>, way: Way, asked: Option<(Quantity, f64)>) -> Resul
         faults: drawing.faults.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         picture: None,
     };
-    Ok((row, drawing, session))
+    Ok((row, drawing))
 }
 
 /// Draws the ladders, a rung of each at a time, until all is drawn or the budget is spent.
@@ -265,25 +379,33 @@ pub(super) fn climb(
         }
         let part = if waiting > 1 { 0.5 } else { 1.0 };
         for line in lines.iter_mut() {
-            let Some(value) = line.waiting.pop_front() else { continue };
-            let expected = line.last.1 * line.quantity.growth(line.last.0, value, line.random).max(1.0);
-            if part * study.left() < expected.max(0.01) {
-                let mut values = vec![value];
-                values.extend(line.waiting.drain(..));
+            let Some(value) = line.waiting.front().copied() else { continue };
+            let (expected, patience) = (line.expected(value), part * study.left());
+            if patience < expected.max(0.01) {
                 let reason = format!("the budget: the next picture would take about {expected:.1} s");
+                let values = line.waiting.drain(..).collect();
                 left_out.push(line.without(values, reason));
                 continue;
             }
             let share = ((study.spent() - begun) / all).clamp(0.0, 1.0);
             progress(0.5 + 0.5 * share, &format!("{}, {} {value}", line.way.name(), line.quantity.name()));
-            let started = Instant::now();
-            match picture(study, line.way, Some((line.quantity, value))) {
-                Ok((row, drawing, _)) => {
-                    line.last = (value, started.elapsed().as_secs_f64());
-                    line.pending = Some((row, drawing));
-                    line.compare_pending(truth, edges);
+            match line.draw_next(study, patience) {
+                Ok(_) => line.compare_pending(truth, edges),
+                Err(refused) => {
+                    let mut values = vec![value];
+                    // What is finer takes longer.
+                    if refused.slow {
+                        values.extend(line.waiting.drain(..));
+                    }
+                    let omitted = line.without(values, refused.reason);
+                    let known = left_out.iter_mut().find(|o| {
+                        LeftOut { values: vec![], ..(**o).clone() } == LeftOut { values: vec![], ..omitted.clone() }
+                    });
+                    match known {
+                        Some(known) => known.values.extend(omitted.values),
+                        None => left_out.push(omitted),
+                    }
                 }
-                Err(reason) => left_out.push(line.without(vec![value], reason)),
             }
         }
     }
@@ -298,6 +420,24 @@ impl Line {
             values,
             reason,
         }
+    }
+
+    /// Seconds that a picture will take.
+    fn expected(&self, value: f64) -> f64 {
+        let growth = self.quantity.growth(self.last.value, value, self.random);
+        // What was drawn has taken what does not grow.
+        self.last.seconds * if self.last.drawn { growth.max(1.0) } else { growth }
+    }
+
+    /// Draws the next picture of the ladder, to be compared; gives its edges.
+    fn draw_next(&mut self, study: &Study<'_>, patience: f64) -> Result<Vec<bool>, Refused> {
+        let Some(value) = self.waiting.pop_front() else { return Ok(vec![]) };
+        let started = Instant::now();
+        let (row, drawing) = picture(study, self.way, Some((self.quantity, value)), patience)?;
+        self.last = Last { value, seconds: started.elapsed().as_secs_f64(), drawn: true };
+        let edges = drawing.edges.clone();
+        self.pending = Some((row, drawing));
+        Ok(edges)
     }
 
     pub(super) fn compare_pending(&mut self, truth: &Truth, edges: &[bool]) {

@@ -1,10 +1,10 @@
 //! The reference picture, as much of it as its share of the budget allows.
 
-use super::{LONGEST, SHORTEST, Study, TRUTH, Way};
+use super::{LONGEST, SHORTEST, Study, TRUTH};
 use crate::engine::reference::{Goal, Options, Pixels};
-use crate::frame::{COVERAGE, EngineChoice, Params, Session, Trouble, sample_offsets, splitmix, stratified_pixels};
+use crate::frame::{COVERAGE, Params, Session, Trouble, sample_offsets, splitmix, stratified_pixels};
 use crate::image::{Display, Picture, Shown};
-use compiler::ir::{Backend, Bands};
+use compiler::ir::Bands;
 use std::time::Instant;
 
 /// Relative tolerances that are tried, from rough to fine, below a hundredth of the scene's accuracy.
@@ -83,11 +83,12 @@ pub(crate) struct Truth {
 
 impl Truth {
     /// Chooses the size of the picture, unless it was given, and the tolerance, so that a share of the budget is enough.
-    pub(super) fn plan(study: &Study<'_>, params: &Params, own: [u32; 2]) -> Result<(Self, [u32; 2]), Trouble> {
-        let request = study.request;
+    /// The session is left at that size.
+    pub(super) fn plan(study: &Study<'_>, session: &mut Session, params: &Params) -> Result<(Self, [u32; 2]), Trouble> {
+        let (request, own) = (study.request, session.size());
         let most = request.size.unwrap_or_else(|| shrunk(own, f64::from(LONGEST)));
-        let (session, _) = open(study, most)?;
-        let mut truth = Self::of(&session, params, request.time, request.seed);
+        session.resize(most);
+        let mut truth = Self::of(session, params, request.time, request.seed);
         let (white, accuracy, random) = (truth.white, truth.accuracy, truth.random);
         let available = CAUTION * request.budget * TRUTH;
         let longest = f64::from(most[0].max(most[1]));
@@ -97,7 +98,7 @@ impl Truth {
         let mut room = longest;
         if random {
             truth.options = Options { samples: Some(PATHS), rtol: 1e-12, ..truth.options };
-            let each = truth.seconds_each(&session, params, request.time, &pilot)?;
+            let each = truth.seconds_each(session, params, request.time, &pilot)?;
             room = fits(each);
             let times = (room / longest).powi(2).clamp(1.0, (MOST_PATHS / PATHS) as f64) as u64;
             truth.options.samples = Some(PATHS * times);
@@ -112,7 +113,7 @@ impl Truth {
                 if last > 0.0 && (fits(2.0 * last) < WORTH.min(longest) || last * f64::from(PILOT) > 0.1 * available) {
                     break;
                 }
-                let each = truth.seconds_each(&session, params, request.time, &pilot)?;
+                let each = truth.seconds_each(session, params, request.time, &pilot)?;
                 if last > 0.0 && fits(each) < WORTH.min(longest) {
                     break;
                 }
@@ -126,6 +127,7 @@ impl Truth {
             truth.size = shrunk(own, room.clamp(f64::from(SHORTEST), f64::from(LONGEST)));
         }
         let size = truth.size;
+        session.resize(size);
         Ok((truth.unknown(), size))
     }
 
@@ -223,6 +225,10 @@ impl Truth {
         order.truncate(if with_edges { order.len() } else { plain });
         let (mut at, mut chunk) = (0, 2);
         while at < order.len() && (at == 0 || Instant::now() < until) {
+            if at == plain {
+                // Pixels on edges take many rays.
+                chunk = 2;
+            }
             let end = (at + chunk).min(if at < plain { plain } else { order.len() });
             let numbers = &order[at..end];
             let pixels: Vec<[u32; 2]> = numbers.iter().map(|i| [(i % width) as u32, (i / width) as u32]).collect();
@@ -237,7 +243,8 @@ impl Truth {
             self.facts.evaluations += found.evaluations;
             at = end;
             let speed = before.elapsed().as_secs_f64() / numbers.len() as f64;
-            chunk = ((BREATH / speed.max(1e-9)) as usize).clamp(2, 4096);
+            // Not many more at a time than before: behind a dark sky there may be pixels that take long.
+            chunk = ((BREATH / speed.max(1e-9)) as usize).clamp(2, (2 * chunk).min(4096));
             progress(at as f64 / order.len() as f64);
         }
         let off_edges = || (0..self.known.len()).filter(|i| self.known[*i] && !edges[*i]).map(|i| self.error[i]);
@@ -285,10 +292,6 @@ impl Truth {
         Picture::new(self.size, self.picture_bands.clone(), radiance, None)
             .map_or(Shown { width: 0, height: 0, pixels: vec![] }, |picture| picture.shown(display))
     }
-}
-
-fn open<'a>(study: &Study<'a>, size: [u32; 2]) -> Result<(Session, Params), Trouble> {
-    study.open(Way { engine: EngineChoice::Reference, backend: Backend::Raymarch }, size, |_| {})
 }
 
 /// The same shape with a longer side of at most so many pixels.

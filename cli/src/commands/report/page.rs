@@ -1,11 +1,12 @@
 //! The page: one file, no network, light and dark.
 
-use super::plot::{Curve, Guide, Marker, Plot, Point, escaped, marker};
-use super::{chosen, name, value, way};
+use super::figures::{against_time, against_work, falling, keys, predicted, quantities};
+use super::plot::{self, Plot, escaped, marker};
+use super::{chosen, name, short, value, way};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use runtime::image::{Shown, png_bytes};
-use runtime::report::{Comparison, Quantity, Report, Row, Series};
+use runtime::report::{Comparison, Report, Row, Series};
 use std::fmt::Write;
 
 const STYLE: &str = include_str!("page.css");
@@ -29,15 +30,15 @@ pub(super) fn html(report: &Report, scene: &str) -> String {
         page,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{0}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{0}</h1>\n",
-        escaped(&title)
+         <style>\n{1}{STYLE}</style>\n</head>\n<body>\n<h1>{0}</h1>\n",
+        escaped(&title),
+        plot::STYLE,
     );
     page += &facts(report);
     page += "<h2>What the scene itself chooses</h2>\n";
     page += &choices(report);
     page += "<h2>Error against time</h2>\n";
     page += &figure(
-        report,
         &against_time(report),
         &report.series.iter().collect::<Vec<_>>(),
         "The front joins the pictures that no other beats in both error and time.",
@@ -47,7 +48,6 @@ pub(super) fn html(report: &Report, scene: &str) -> String {
         let own: Vec<&Series> = report.series.iter().filter(|s| s.quantity == quantity && s.rows.len() > 1).collect();
         if !own.is_empty() {
             page += &figure(
-                report,
                 &falling(report, quantity),
                 &own,
                 "Thin lines: the largest error. Dashed: the slope of theory.",
@@ -57,13 +57,12 @@ pub(super) fn html(report: &Report, scene: &str) -> String {
     page += "</div>\n<h2>Predicted and measured</h2>\n<div class=\"pair\">\n";
     let all: Vec<&Series> = report.series.iter().collect();
     page += &figure(
-        report,
         &predicted(report),
         &all,
         "Above the diagonal a picture is worse at its worst pixel than the engine said.",
     );
     if report.series.iter().flat_map(|s| &s.rows).any(|r| r.evaluations.is_some_and(|n| n > 0)) {
-        page += &figure(report, &against_work(report), &all, "A count that does not depend on the machine.");
+        page += &figure(&against_work(report), &all, "A count that does not depend on the machine.");
     }
     page += "</div>\n<h2>Where the time goes</h2>\n";
     page += &times(report);
@@ -140,173 +139,37 @@ fn choices(report: &Report) -> String {
         });
         let _ = writeln!(
             out,
-            "<p><b>{}</b>: {}; drawn in {} ms, error at most {} lx and rms {} lx, {verdict} what accuracy allows ({:.2} of it).{said}</p>",
+            "<p><b>{}</b>: {}; drawn in {} ms, error at most {} lx and rms {} lx, {verdict} what accuracy allows ({} of it).{said}</p>",
             way(series.engine, series.backend),
             escaped(&row.steps),
             short(row.draw_ms),
             short(row.error.max),
             short(row.error.rms),
-            row.error.share,
+            short(row.error.share),
         );
+    }
+    let mut ways: Vec<String> = vec![];
+    for series in &report.series {
+        let own = way(series.engine, series.backend);
+        let drawn = chosen(report).any(|(s, _)| way(s.engine, s.backend) == own);
+        if !drawn && !ways.contains(&own) {
+            let _ = writeln!(out, "<p><b>{own}</b>: not drawn as the scene says; why, stands below.</p>");
+            ways.push(own);
+        }
     }
     if out.is_empty() { "<p>Nothing could be drawn.</p>\n".into() } else { out }
 }
 
-/// Which of the colours a way to draw has.
-fn colour(report: &Report, series: &Series) -> usize {
-    let mut ways: Vec<String> = vec![];
-    for s in &report.series {
-        let way = way(s.engine, s.backend);
-        if !ways.contains(&way) {
-            ways.push(way);
-        }
-    }
-    let own = way(series.engine, series.backend);
-    ways.iter().position(|w| *w == own).unwrap_or(0) % 6
-}
-
-fn shape(quantity: Quantity) -> Marker {
-    match quantity {
-        Quantity::Accuracy => Marker::Circle,
-        Quantity::Steps => Marker::Square,
-        Quantity::Slices | Quantity::Splats => Marker::Diamond,
-        Quantity::Samples => Marker::Triangle,
-    }
-}
-
-fn quantities(report: &Report) -> Vec<Quantity> {
-    let mut found: Vec<Quantity> = report.series.iter().map(|s| s.quantity).collect();
-    found.sort_unstable();
-    found.dedup();
-    found
-}
-
-fn curve(report: &Report, series: &Series, place: impl Fn(&Row) -> Option<(f64, f64)>) -> Curve {
-    let point = |row: &Row| {
-        let (x, y) = place(row)?;
-        let title = format!(
-            "{} {}: {} ms, rms {} lx, max {} lx",
-            name(series),
-            value(series.quantity, row.value),
-            short(row.draw_ms),
-            short(row.error.rms),
-            short(row.error.max)
-        );
-        Some(Point { x, y, title, ring: row.chosen })
-    };
-    Curve {
-        points: series.rows.iter().filter_map(point).collect(),
-        colour: colour(report, series),
-        marker: shape(series.quantity),
-        joined: true,
-        faint: false,
-    }
-}
-
-/// What accuracy allows at a black pixel, and what the reference can tell.
-fn levels(report: &Report) -> Vec<(f64, String)> {
-    vec![
-        (report.accuracy * report.white, "accuracy allows".into()),
-        (report.reference.rms_error, "error of the reference".into()),
-    ]
-}
-
-fn against_time(report: &Report) -> Plot {
-    let mut front: Vec<(f64, f64)> =
-        report.series.iter().flat_map(|s| &s.rows).filter(|r| r.pareto).map(|r| (r.draw_ms, r.error.rms)).collect();
-    front.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Plot {
-        title: "Error against time to draw".into(),
-        x: "time to draw / ms".into(),
-        y: "rms error / lx".into(),
-        curves: report.series.iter().map(|s| curve(report, s, |r| Some((r.draw_ms, r.error.rms)))).collect(),
-        guides: vec![Guide { points: front, class: "front", label: "front".into() }],
-        levels: levels(report),
-    }
-}
-
-fn against_work(report: &Report) -> Plot {
-    let place = |r: &Row| r.evaluations.filter(|n| *n > 0).map(|n| (n as f64, r.error.rms));
-    Plot {
-        title: "Error against field evaluations".into(),
-        x: "field evaluations of the picture".into(),
-        y: "rms error / lx".into(),
-        curves: report.series.iter().map(|s| curve(report, s, place)).collect(),
-        guides: vec![],
-        levels: levels(report),
-    }
-}
-
-fn falling(report: &Report, quantity: Quantity) -> Plot {
-    let (mut curves, mut guides) = (vec![], vec![]);
-    for series in report.series.iter().filter(|s| s.quantity == quantity && s.rows.len() > 1) {
-        curves.push(Curve { faint: true, ..curve(report, series, |r| Some((r.value, r.error.max))) });
-        curves.push(curve(report, series, |r| Some((r.value, r.error.rms))));
-        if let (Some(theory), Some(slope)) = (series.theory, series.slope) {
-            let ends = [series.rows.first(), series.rows.last()].map(|r| r.map_or(1.0, |r| r.value));
-            // Through the middle of what was fitted, which is the fine end.
-            let fitted = series.rows.len().saturating_sub(slope.rows as usize);
-            let middle = (series.rows[fitted].value * ends[1]).sqrt();
-            let at = |x: f64| (x, slope.at(middle) * (x / middle).powf(theory.slope));
-            guides.push(Guide {
-                points: ends.map(at).to_vec(),
-                class: "theory",
-                label: format!("slope {} in theory: {}", theory.slope, theory.reason),
-            });
-        }
-    }
-    Plot {
-        title: format!("Error against {}", quantity.name()),
-        x: match quantity {
-            Quantity::Accuracy => "accuracy".into(),
-            Quantity::Steps => "steps along a ray".into(),
-            Quantity::Slices => "slices across the media".into(),
-            Quantity::Splats => "splats in the media".into(),
-            Quantity::Samples => "samples: paths of a pixel".into(),
-        },
-        y: "rms error / lx".into(),
-        curves,
-        guides,
-        levels: levels(report),
-    }
-}
-
-fn predicted(report: &Report) -> Plot {
-    let place = |r: &Row| r.predicted.filter(|p| p.max > 0.0 && r.error.max > 0.0).map(|p| (p.max, r.error.max));
-    let curves: Vec<Curve> = report.series.iter().map(|s| Curve { joined: false, ..curve(report, s, place) }).collect();
-    let ends = |f: fn(&Point) -> f64| {
-        let all = curves.iter().flat_map(|c| &c.points).map(f);
-        all.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)))
-    };
-    let (x, y) = (ends(|p| p.x), ends(|p| p.y));
-    let (low, high) = (x.0.max(y.0), x.1.min(y.1));
-    let diagonal = if low < high { vec![(low, low), (high, high)] } else { vec![] };
-    Plot {
-        title: "Measured against predicted error".into(),
-        x: "predicted at the worst pixel / lx".into(),
-        y: "measured at the worst pixel / lx".into(),
-        curves,
-        guides: vec![Guide { points: diagonal, class: "theory", label: "as predicted".into() }],
-        levels: vec![],
-    }
-}
-
 /// A plot with its legend.
-fn figure(report: &Report, plot: &Plot, series: &[&Series], note: &str) -> String {
+fn figure(plot: &Plot, series: &[&Series], note: &str) -> String {
     let mut legend = String::new();
-    for s in series {
-        let slope = match (s.slope, s.theory) {
-            (Some(slope), Some(theory)) => format!(" (slope {:.2}, theory {})", slope.value, theory.slope),
-            (Some(slope), None) => format!(" (slope {:.2})", slope.value),
-            (None, _) => String::new(),
-        };
+    for key in keys(series) {
         let _ = write!(
             legend,
-            "<span class=\"key\"><svg viewBox=\"0 0 14 14\" width=\"14\" height=\"14\"><g class=\"mark s{}\">{}</g></svg>{}{}</span> ",
-            colour(report, s),
-            marker(shape(s.quantity), 7.0, 7.0),
-            escaped(&name(s)),
-            slope
+            "<span class=\"key\"><svg viewBox=\"0 0 14 14\" width=\"14\" height=\"14\"><g class=\"mark s{}\">{}</g></svg>{}</span> ",
+            key.colour,
+            marker(key.marker, 7.0, 7.0),
+            escaped(&key.text),
         );
     }
     legend += "<span class=\"key\"><svg viewBox=\"0 0 20 20\" width=\"16\" height=\"16\"><circle class=\"ring\" cx=\"10\" cy=\"10\" r=\"8\"/></svg>as the scene says</span>";
@@ -375,7 +238,7 @@ fn pictures(report: &Report) -> String {
     let _ = write!(
         out,
         "<div class=\"scale\"><span>{} lx</span><i style=\"background:linear-gradient(90deg,{})\"></i><span>{} lx</span></div>\n\
-         <p class=\"small\">The right picture of each pair is the largest difference of a pixel’s bands from the reference, on a logarithmic scale; grey where the reference is not known.</p>\n",
+         <p class=\"small\">The right picture of each pair is the largest difference of a pixel’s bands from the reference, on a logarithmic scale; grey where the reference is not known. FLIP (Andersson et al. 2020) is the mean over the picture as shown, edges included.</p>\n",
         short(report.white * 10f64.powf(f64::from(-DECADES))),
         stops.join(","),
         short(report.white)
@@ -439,7 +302,7 @@ fn rows(report: &Report) -> String {
                 short(row.error.max),
                 short(row.error.rms),
                 short(row.error.mean),
-                format!("{:.2}", row.error.share),
+                short(row.error.share),
                 row.flip.map(short).unwrap_or_default(),
                 if row.edges.pixels > 0 { short(row.edges.max) } else { String::new() },
                 said,
@@ -473,22 +336,4 @@ fn left_out(report: &Report) -> String {
         );
     }
     out + "</ul>\n"
-}
-
-/// Three digits.
-fn short(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        "0".into()
-    } else if !(1e-3..1e5).contains(&size) {
-        format!("{value:.2e}")
-    } else if size >= 100.0 {
-        format!("{value:.0}")
-    } else if size >= 10.0 {
-        format!("{value:.1}")
-    } else if size >= 1.0 {
-        format!("{value:.2}")
-    } else {
-        format!("{value:.4}")
-    }
 }

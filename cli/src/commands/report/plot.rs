@@ -2,10 +2,16 @@
 
 use std::fmt::Write;
 
+/// Colours, light and dark.
+pub(super) const STYLE: &str = include_str!("plot.css");
+
 const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 420.0;
 /// Room for labels: left, right, top, bottom.
 const ROOM: [f64; 4] = [78.0, 16.0, 14.0, 52.0];
+
+/// A level so many decades beyond all points is not shown.
+const NEAR: i32 = 2;
 
 /// How a point looks; shape and colour both tell series apart.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -58,6 +64,8 @@ pub(super) struct Plot {
     pub(super) guides: Vec<Guide>,
     /// Lines across the whole plot: heights and what they are.
     pub(super) levels: Vec<(f64, String)>,
+    /// What the line is along which both axes are equal, if it is drawn.
+    pub(super) diagonal: Option<&'static str>,
 }
 
 /// A logarithmic axis from one power of ten to another.
@@ -76,6 +84,17 @@ impl Axis {
         }
         let low_decade = low.floor() as i32;
         Self { low: low_decade, high: (high.ceil() as i32).max(low_decade + 1) }
+    }
+
+    /// Longer by what is not far from its ends; the rest would leave no room for the points.
+    fn with(self, values: impl Iterator<Item = f64>) -> Self {
+        let near = values.filter(|v| *v > 0.0 && v.is_finite()).map(f64::log10);
+        let near = near.filter(|v| *v > f64::from(self.low - NEAR) && *v < f64::from(self.high + NEAR));
+        near.fold(self, |axis, v| Self { low: axis.low.min(v.floor() as i32), high: axis.high.max(v.ceil() as i32) })
+    }
+
+    fn holds(self, value: f64) -> bool {
+        value > 0.0 && (f64::from(self.low)..=f64::from(self.high)).contains(&value.log10())
     }
 
     /// 0 … 1 along the axis; what lies below it, zero among that, is at its start.
@@ -121,16 +140,72 @@ pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// What a curve is.
+#[derive(Clone, Debug)]
+pub(super) struct Key {
+    pub(super) colour: usize,
+    pub(super) marker: Marker,
+    pub(super) text: String,
+}
+
+/// Height of a line of keys.
+const LINE: f64 = 20.0;
+
 impl Plot {
+    /// As a file of its own, with its keys below.
+    pub(super) fn file(&self, keys: &[Key]) -> String {
+        let height = HEIGHT + 10.0 + LINE * (keys.len() + 1).div_ceil(2) as f64;
+        let mut out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{}\">\n\
+             <style>\n{STYLE}.paper {{ fill: var(--paper); }}\n</style>\n<rect class=\"paper\" width=\"{WIDTH}\" height=\"{height}\"/>\n",
+            escaped(&self.title)
+        );
+        self.content(&mut out);
+        let place = |i: usize| {
+            let (column, line) = ((i % 2) as f64, (i / 2) as f64);
+            (20.0 + (WIDTH / 2.0 - 10.0) * column, HEIGHT + 10.0 + LINE * line)
+        };
+        for (i, key) in keys.iter().enumerate() {
+            let (x, y) = place(i);
+            let _ = writeln!(
+                out,
+                "<g class=\"mark s{}\">{}</g><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                key.colour,
+                marker(key.marker, x, y),
+                x + 12.0,
+                y + 4.0,
+                escaped(&key.text)
+            );
+        }
+        let (x, y) = place(keys.len());
+        let _ = writeln!(
+            out,
+            "<circle class=\"ring\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\"/><text x=\"{:.1}\" y=\"{:.1}\">as the scene says</text>",
+            x + 12.0,
+            y + 4.0
+        );
+        out + "</svg>\n"
+    }
+
     pub(super) fn svg(&self) -> String {
-        let own = || self.curves.iter().flat_map(|c| &c.points);
-        let x = Axis::over(own().map(|p| p.x));
-        let y = Axis::over(own().map(|p| p.y).chain(self.levels.iter().map(|l| l.0)));
         let mut out =
             format!("<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">\n", escaped(&self.title));
-        self.axes(&mut out, x, y);
+        self.content(&mut out);
+        out + "</svg>\n"
+    }
+
+    fn content(&self, out: &mut String) {
+        let own = || self.curves.iter().flat_map(|c| &c.points);
+        let mut x = Axis::over(own().map(|p| p.x));
+        let mut y = Axis::over(own().map(|p| p.y)).with(self.levels.iter().map(|l| l.0));
+        if self.diagonal.is_some() {
+            // On equal axes, so that the distance from the diagonal is seen.
+            y = Axis { low: x.low.min(y.low), high: x.high.max(y.high) };
+            x = y;
+        }
+        self.axes(out, x, y);
         let (left, right) = (ROOM[0], WIDTH - ROOM[1]);
-        for (height, label) in self.levels.iter().filter(|l| l.0 > 0.0 && l.0.is_finite()) {
+        for (height, label) in self.levels.iter().filter(|l| y.holds(l.0)) {
             let at = y_of(y, *height);
             let _ = writeln!(
                 out,
@@ -157,10 +232,19 @@ impl Plot {
                 escaped(&guide.label)
             );
         }
-        for curve in &self.curves {
-            curve.write(&mut out, x, y);
+        if let Some(label) = self.diagonal {
+            let ends = [x.low.max(y.low), x.high.min(y.high)].map(|n| 10f64.powi(n));
+            let [x1, x2] = ends.map(|v| x_of(x, v));
+            let [y1, y2] = ends.map(|v| y_of(y, v));
+            let _ = writeln!(
+                out,
+                "<line class=\"theory\" x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\"><title>{}</title></line>",
+                escaped(label)
+            );
         }
-        out + "</svg>\n"
+        for curve in &self.curves {
+            curve.write(out, x, y);
+        }
     }
 
     fn axes(&self, out: &mut String, x: Axis, y: Axis) {
@@ -257,6 +341,14 @@ mod tests {
         assert!((axis.place(0.1) - 0.5).abs() < 1e-12);
         assert_eq!(Axis::over([1.0].into_iter()), Axis { low: 0, high: 1 });
         assert_eq!(Axis::over(std::iter::empty()), Axis { low: -1, high: 1 });
+    }
+
+    #[test]
+    fn levels_far_from_all_points_do_not_squeeze_them() {
+        let axis = Axis { low: -4, high: 2 };
+        assert_eq!(axis.with([3e-6, 5.0, 0.0, f64::INFINITY].into_iter()), Axis { low: -6, high: 2 });
+        assert_eq!(axis.with([1e-15, 1e9].into_iter()), axis);
+        assert!(axis.holds(1e-4) && axis.holds(100.0) && !axis.holds(1e-15) && !axis.holds(0.0));
     }
 
     #[test]

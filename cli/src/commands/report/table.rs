@@ -1,5 +1,6 @@
 //! Rows for spreadsheets, and the few lines on the terminal.
 
+use super::figures::exponent;
 use super::{chosen, name, value, way};
 use runtime::report::{Report, Row, Series};
 
@@ -116,7 +117,7 @@ pub(super) fn summary(report: &Report) -> String {
     }
     for series in &report.series {
         if let Some(slope) = series.slope {
-            let theory = series.theory.map(|t| format!(", in theory {}", t.slope)).unwrap_or_default();
+            let theory = series.theory.map(|t| format!(", in theory {}", exponent(t.slope))).unwrap_or_default();
             text += &format!("{}: slope {:.2}{theory}, over {} pictures\n", name(series), slope.value, slope.rows);
         }
     }

@@ -268,6 +268,15 @@ Right:
 ",
     },
     CodeInfo {
+        code: "E0658",
+        title: "a picture would take longer than it may",
+        explanation: "\
+Slices and splats become more until twice as many change nothing by more than `accuracy` allows. `vol report` gives each picture a
+share of its `--budget`; where the next number of them would take longer than that, the picture is left out, and the report says
+so. Give it a larger budget, or fewer pixels with `--size`.
+",
+    },
+    CodeInfo {
         code: "E0654",
         title: "a ray or the values of params do not fit",
         explanation: "\

@@ -51,7 +51,9 @@ fn run<V: Voxels + ?Sized>(
         }
         let (mut tau, mut radiance) = ([Sum::default(); BANDS], [Sum::default(); BANDS]);
         if !segment.end.is_finite() && !segment.uniform {
-            let medium = segment.active.iter().map(|m| &worker.fields.media[*m]).find(|m| !m.field.uniform);
+            let all = || segment.active.iter().map(|m| &worker.fields.media[*m]);
+            // One that is the same everywhere may be lit, and be stepped through for that.
+            let medium = all().find(|m| !m.field.uniform).or_else(|| all().next());
             let (name, span) = medium.map_or(("", None), |m| (m.name.as_str(), m.span));
             let message = format!("medium `{name}` never ends along a ray: a fixed number of steps cannot cover it");
             return Err(

@@ -9,6 +9,7 @@ mod slabs;
 mod splats;
 
 use self::canvas::{Canvas, draw_parts, trace_parts};
+pub(crate) use self::refine::TOO_LONG;
 use super::measure::{Measured, Samples, worst};
 use super::{
     Ball, Bricks, Camera, Eye, FaultTally, Frame, Grids, Loaded, LoadedMesh, Nothing, Origins, Params, SceneFiles,
@@ -170,6 +171,7 @@ pub struct Session {
     fallback: Option<String>,
     seed: u64,
     eye: Option<Camera>,
+    patience: Option<f64>,
     grid_ranges: Vec<Interval>,
     bricks: Mutex<Option<Held>>,
     compile_ms: f64,
@@ -355,6 +357,7 @@ impl Session {
             fallback,
             seed: settings.seed,
             eye: None,
+            patience: None,
             grid_ranges,
             bricks: Mutex::new(held),
             compile_ms,
@@ -473,6 +476,16 @@ impl Session {
 
     fn broken(&self, error: &GpuError) -> Trouble {
         self.trouble(Cause::Machine, Diagnostics(vec![machine(error)]))
+    }
+
+    /// So many seconds and no more may go into finding how many pieces a picture needs.
+    pub(crate) fn hurry(&mut self, seconds: f64) {
+        self.patience = Some(seconds);
+    }
+
+    /// Draws so many pixels from now on, which no kernel depends on.
+    pub(crate) fn resize(&mut self, size: [u32; 2]) {
+        self.options.size = Some(size);
     }
 
     /// Looks from elsewhere, or as the scene says. The projection must be of the scene's kind, which kernels are made for.

@@ -5,14 +5,55 @@
 //! as |I(h) − I(H)| / (H/h − 1), which is exact for the first order and too large for the second.
 
 use super::canvas::Canvas;
-use super::{RayAnswer, Session, Trouble};
+use super::{Cause, RayAnswer, Session, Trouble};
 use crate::engine::gpu::Timing;
 use crate::frame::Frame;
+use compiler::diagnostic::{Diagnostic, Diagnostics};
+use std::time::Instant;
 
 /// Errors of nodes of light that are less than this of those before are worth more slabs.
 const SHRINKING: f64 = 0.7;
 /// As long as there are no more slabs than these, whose nodes are as close as they get: what is left is reported.
 const LIT_SLABS: u32 = 512;
+
+/// The code of a picture that would take longer than it may.
+pub(crate) const TOO_LONG: &str = "E0658";
+
+/// What pieces have taken so far.
+struct Clock {
+    started: Instant,
+    patience: Option<f64>,
+    /// Numbers of pieces, and the seconds that each took.
+    taken: Vec<(f64, f64)>,
+}
+
+impl Clock {
+    fn new(patience: Option<f64>) -> Self {
+        Self { started: Instant::now(), patience, taken: vec![] }
+    }
+
+    fn spent(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    fn tick(&mut self, count: u32) {
+        let before: f64 = self.taken.iter().map(|t| t.1).sum();
+        self.taken.push((f64::from(count), self.spent() - before));
+    }
+
+    /// The seconds that so many pieces would take, and those that are left, if that is less: in proportion to their number, but for what
+    /// does not grow with it, which two numbers tell. Half of what the first ones took is counted as that: drivers compile shaders then.
+    fn exceeds(&self, count: u32) -> Option<(f64, f64)> {
+        let left = self.patience? - self.spent();
+        let count = f64::from(count);
+        let expected = match *self.taken.as_slice() {
+            [] => return None,
+            [(n, seconds)] => seconds * (1.0 + count / n) / 2.0,
+            [.., (n, less), (m, more)] => more + ((more - less) / (m - n)).max(0.0) * (count - m),
+        };
+        (expected > left).then_some((expected, left.max(0.0)))
+    }
+}
 
 /// How many pieces, and of what size.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -67,10 +108,13 @@ impl Session {
         let mut count = ladder.first;
         let mut before: Option<(Pieces, Canvas, Timing, f64)> = None;
         let mut spent = 0u64;
+        let mut clock = Clock::new(self.patience);
         loop {
+            self.expect(&clock, count)?;
             let (frame, pieces) = frame(self, count);
             spent += u64::from(pieces.count);
             let (mut canvas, mut timing) = self.canvas(&frame, progress)?;
+            clock.tick(count);
             let own = canvas.predicted.map_or(0.0, |p| p.1);
             let Some((larger, coarse, so_far, own_before)) = before.take() else {
                 if ladder.exact {
@@ -99,6 +143,13 @@ impl Session {
             before = Some((pieces, canvas, timing, own));
             count = ladder.next(count, share);
         }
+    }
+
+    /// Fails where so many pieces would take longer than they may.
+    fn expect(&self, clock: &Clock, count: u32) -> Result<(), Trouble> {
+        let Some((expected, patience)) = clock.exceeds(count) else { return Ok(()) };
+        let message = format!("{count} pieces would take about {expected:.1} s, and {patience:.1} s are left for them");
+        Err(self.trouble(Cause::Machine, Diagnostics(vec![Diagnostic::error(TOO_LONG, message)])))
     }
 
     /// Answers with more and more pieces; `probe` answers with a number of them. What it answered last is what comes out.
