@@ -149,6 +149,11 @@ impl KernelBuilder {
         parts.map(|(part, word)| self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part)))
     }
 
+    /// Over which length the coefficients of a medium rise from nothing.
+    pub fn grain(&mut self, number: u32, name: &str) -> Expr {
+        self.uniform(&format!("{name}_grain"), 3, false, UniformSource::Bricks(number, BricksPart::Grain)).component(0)
+    }
+
     /// The list of rays.
     pub fn rays(&mut self) -> u32 {
         self.resource("rays", ResourceKind::ReadBuffer(Ty::F32), Binding::Rays)

@@ -109,6 +109,8 @@ pub enum BricksPart {
     RiseNear,
     /// vec3: the same for the other three.
     RiseFar,
+    /// vec3: over which length the medium's coefficients rise from nothing, where that is fastest; 0 and 0.
+    Grain,
 }
 
 /// Distances in cells over which it is measured how far a field rises between two places.

@@ -400,16 +400,28 @@ impl Tracer<'_> {
         media.iter().filter_map(way).collect()
     }
 
-    /// Longest step where something is: as far as cells are resolved, or there is nothing of a medium.
-    pub(super) fn longest_celled(&mut self, code: &mut Code, media: &[Medium<'_>], ways: &[(u32, Expr)]) -> Option<Expr> {
+    /// Longest step that what tells media ever allows.
+    pub(super) fn longest_told(&self, media: &[Medium<'_>]) -> Option<f64> {
+        let cells = media.iter().filter_map(|m| self.scene.bounds[m.support_at?.0 as usize].grain);
+        let most = f64::from(NODES - 1) * SPANS[SPANS.len() - 1];
+        cells.map(|cell| most * cell).reduce(f64::min)
+    }
+
+    /// Longest step where something is: the usual, but through nothing of a medium.
+    pub(super) fn longest_celled(
+        &mut self,
+        code: &mut Code,
+        media: &[Medium<'_>],
+        ways: &[(u32, Expr)],
+        usual: &Expr,
+    ) -> Option<Expr> {
         if ways.is_empty() {
             return None;
         }
-        Some(self.least_of(code, media, "celled", &mut |this, _, medium| {
+        Some(self.least_of(code, media, "celled", &mut |_, _, medium| {
             let (number, _) = medium.support_at?;
-            let cell = this.scene.bounds[number as usize].grain?;
             let (_, way) = ways.iter().find(|w| w.0 == number)?;
-            Some(way.clone().max(2.0 * cell))
+            Some(way.clone().max(usual.clone()))
         }))
     }
 
@@ -434,9 +446,13 @@ impl Tracer<'_> {
         Some(self.least_of(code, media, "hiding", &mut |this, code, medium| {
             let cell = this.scene.bounds[medium.matter.bounds? as usize].grain?;
             let brick = this.brick(code, medium, &p, &ray.direction)?;
-            let most = brick.extinction.max(brick.source / white.clone()).max(1e-30) * cell;
+            let cell = match medium.support_at {
+                Some((number, _)) => this.builder.grain(number, &medium.matter.name),
+                None => Expr::F32(cell),
+            };
+            let most = brick.extinction.max(brick.source / white.clone()).max(1e-30) * cell.clone();
             let share = (accuracy.clone() * HIDING / most).min(1.0).max(HIDING_LEAST);
-            let resolved = Expr::math(Math::Pow, [share, (1.0 / 3.0).into()]) * (2.0 * cell);
+            let resolved = Expr::math(Math::Pow, [share, (1.0 / 3.0).into()]) * (cell * 2.0);
             let way = medium.support_at.and_then(|(number, _)| ways.iter().find(|w| w.0 == number));
             Some(match way {
                 Some((_, way)) => resolved.max(way.clone()),

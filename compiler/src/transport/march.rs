@@ -1,7 +1,6 @@
 //! Steps through a segment in which something varies: a fixed number of them, or by local error control.
 
 use super::media::Medium;
-use super::nodes::NODES;
 use super::sample::Sampled;
 use super::shapes::{FAR, Ray};
 use super::stride::Stride;
@@ -9,7 +8,7 @@ use super::trace::{Origin, Segment, State, Tracer, Walk, largest, least, widen};
 use crate::fields::Code;
 use crate::ir::NodeId;
 use crate::program::kernel::{Expr, LocalId, Math, Prim, Ty};
-use crate::program::{EMPTY, FrameValue, OutputKind, SPANS, StepRule};
+use crate::program::{EMPTY, FrameValue, OutputKind, StepRule};
 
 /// Beyond this optical depth e^(−τ) is 0 in f32.
 pub(super) const OPAQUE: f64 = 104.0;
@@ -245,16 +244,12 @@ impl Tracer<'_> {
             None => plain,
         };
         let mut finest: Option<Expr> = None;
-        // Through nothing that is known to be far away, a few steps lead.
-        let parts = if media.iter().all(|m| !m.matter.varying || m.support_at.is_some()) { 4.0 } else { 8.0 };
         for medium in media.iter().filter(|m| m.matter.varying) {
             let roots: Vec<NodeId> = [medium.matter.extinction, medium.matter.emission].into_iter().flatten().collect();
             let Some(cell) = self.features().length(&roots) else { continue };
-            // Where it is told how far away a medium is, what is found there decides.
-            let far = if medium.support_at.is_some() { f64::from(NODES - 1) * SPANS[SPANS.len() - 1] } else { 2.0 };
             let own = match &medium.here {
-                Some(here) => here.clone().select(far * cell, FAR),
-                None => Expr::F32(far * cell),
+                Some(here) => here.clone().select(2.0 * cell, FAR),
+                None => Expr::F32(2.0 * cell),
             };
             finest = Some(match finest {
                 Some(so_far) => so_far.min(own),
@@ -264,10 +259,10 @@ impl Tracer<'_> {
         // Where nothing piecewise is, the length alone decides.
         match finest {
             None => plain,
-            Some(Expr::F32(cell)) => within(1.0 / parts).min(cell),
+            Some(Expr::F32(cell)) => within(1.0 / 8.0).min(cell),
             Some(finest) => {
                 let finest = code.bind("finest", Ty::F32, finest);
-                finest.clone().less(FAR).select(within(1.0 / parts).min(finest), plain)
+                finest.clone().less(FAR).select(within(1.0 / 8.0).min(finest), plain)
             }
         }
     }
@@ -290,7 +285,13 @@ impl Tracer<'_> {
         let cap = self.builder.frame(FrameValue::MaxWork);
         let cap = if self.cache.is_some() { cap.min(super::cache::MOST_LOOKS) } else { cap };
         let longest = self.longest_step(code, media, length, segment.part.then_some(reach));
-        let longest = code.bind("longest", Ty::F32, longest);
+        let usual = code.bind("longest", Ty::F32, longest);
+        // Through nothing that is known to be far away, a few steps lead.
+        let told = media.iter().all(|m| !m.matter.varying || m.support_at.is_some());
+        let longest = match told.then(|| self.longest_told(media)).flatten() {
+            Some(told) => code.bind("longest_at_all", Ty::F32, usual.clone().max((length.clone() * 0.25).min(told))),
+            None => usual.clone(),
+        };
         let shortest = code.bind("shortest", Ty::F32, length.clone() * (1.0 / 1_048_576.0));
         let stops = self.stops(code, ray, media);
         let gap = self.longest_unseen(code, ray, media);
@@ -450,7 +451,7 @@ impl Tracer<'_> {
                 code.push_if(seen.clone().equal(0.0), block);
                 strict.push(hidden.into());
             }
-            if let Some(longest) = self.longest_celled(code, media, &ways) {
+            if let Some(longest) = self.longest_celled(code, media, &ways, &usual) {
                 let much = code.bind("cells", Ty::F32, step.clone() / longest);
                 let much = much.clone() * much.clone() * much;
                 strict.push(seen.equal(0.0).select(0.0, much));
@@ -523,7 +524,7 @@ impl Tracer<'_> {
             None => wanted,
         };
         let ways = self.clear_ways(code, media, &|n| nodes.support(n).map(|w| w.latest));
-        let longest = match self.longest_celled(code, media, &ways) {
+        let longest = match self.longest_celled(code, media, &ways, &usual) {
             Some(onward) => longest.min(onward),
             None => longest,
         };

@@ -102,7 +102,12 @@ struct Weights {
 impl Nodes {
     fn of(&self, mean: impl Fn(&Followed) -> Option<LocalId>) -> Sampled {
         let value = |f: &Option<Followed>| f.as_ref().and_then(&mean).map(Expr::Local);
-        Sampled { extinction: value(&self.extinction), source: value(&self.source), source_error: None, supports: vec![] }
+        Sampled {
+            extinction: value(&self.extinction),
+            source: value(&self.source),
+            source_error: None,
+            supports: vec![],
+        }
     }
 
     /// Means over the step.

@@ -8,7 +8,7 @@
 use super::Vec3;
 use super::bounds::shells;
 use super::extremes::Grids;
-use super::rises::rises;
+use super::rises::{Rises, rises};
 use super::vector::length;
 use crate::engine::reference::bounding_box;
 use compiler::analysis::feature::lipschitz_of;
@@ -37,7 +37,7 @@ pub struct Bricks {
     /// Extinction, source, radius of emptiness, calm.
     records: Vec<[f32; 4]>,
     /// How far the scalar that tells the medium rises between places, where steps go by that.
-    rises: [f64; SPANS.len()],
+    rises: Rises,
 }
 
 /// What counts as nothing: extinction and emission per unit of length.
@@ -70,8 +70,9 @@ impl Bricks {
             BricksPart::Low => self.low,
             BricksPart::PerUnit => self.per_unit,
             BricksPart::Counts => self.counts.map(f64::from),
-            BricksPart::RiseNear => [0, 1, 2].map(|i| self.rises[i]),
-            BricksPart::RiseFar => [3, 4, 5].map(|i| self.rises[i]),
+            BricksPart::RiseNear => [0, 1, 2].map(|i| self.rises.over[i]),
+            BricksPart::RiseFar => [3, 4, 5].map(|i| self.rises.over[i]),
+            BricksPart::Grain => [self.rises.grain, 0.0, 0.0],
         }
     }
 
@@ -207,9 +208,14 @@ impl Bricks {
                 [0.0, 0.0, empty[i] as f32, calm]
             }
         });
-        let rises = match (bounds.support, bounds.grain, around) {
-            (Some(support), Some(cell), Some(around)) => rises(scene, support, cell, around, (params, time)),
-            (None, ..) | (_, None, _) | (.., None) => [1e30; SPANS.len()],
+        let told = (bounds.support, bounds.extinction.or(bounds.emission), bounds.grain, around);
+        let rises = match told {
+            (Some(support), Some(coefficient), Some(cell), Some(around)) => {
+                rises(scene, (support, coefficient), cell, around, (params, time))
+            }
+            (None, ..) | (_, None, ..) | (.., None, _) | (.., None) => {
+                Rises { over: [1e30; SPANS.len()], grain: bounds.grain.unwrap_or(1.0) }
+            }
         };
         Self { low, per_unit: edge.map(|e| 1.0 / e), counts, records: records.collect(), rises }
     }
