@@ -148,7 +148,15 @@ pub(crate) fn origins_json(origins: Origins) -> Value {
         "discretisation": number(origins.discretisation),
         "rounding": number(origins.rounding),
         "storage": number(origins.storage),
+        "statistical": number(origins.statistical),
     })
+}
+
+/// The same for people; what is left out where there is none of it.
+pub(crate) fn origins_text(origins: Origins) -> String {
+    let Origins { discretisation, rounding, storage, statistical } = origins;
+    let chance = if statistical > 0.0 { format!("statistical {statistical:.2e}, ") } else { String::new() };
+    format!("{chance}discretisation {discretisation:.2e}, rounding {rounding:.2e}, storage {storage:.2e} lx")
 }
 
 /// A number for JSON: what JSON cannot say is a string.

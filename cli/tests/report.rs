@@ -62,6 +62,7 @@ fn the_document_has_these_keys() {
     assert_eq!(keys(&row["edges"]), ["pixels", "max_lx"]);
     let predicted = series(&document, "cpu", "accuracy").map(|s| &s["rows"][0]["predicted"]).expect("a prediction");
     assert_eq!(keys(predicted), ["kind", "max_lx", "share", "origins", "pixels_beyond", "held", "median_ratio"]);
+    assert_eq!(keys(&predicted["origins"]), ["discretisation", "rounding", "storage", "statistical"]);
     // What is printed is what is written.
     let written = fs::read_to_string(place.path().join("out/report.json")).expect("written");
     assert_eq!(serde_json::from_str::<Value>(&written).expect("JSON"), document);
@@ -77,7 +78,7 @@ fn the_table_has_a_line_for_each_picture() {
         Some(
             "engine,adapter,backend,quantity,value,chosen,pareto,compile_ms,build_ms,draw_ms,clock,evaluations,paths,pixels,\
              max_lx,rms_lx,mean_lx,share,flip,edge_pixels,edge_max_lx,predicted_kind,predicted_max_lx,predicted_share,\
-             pixels_beyond,held,discretisation_lx,rounding_lx,storage_lx"
+             pixels_beyond,held,discretisation_lx,rounding_lx,storage_lx,statistical_lx"
         )
     );
     let lines: Vec<Vec<&str>> = lines.map(|l| l.split(',').collect()).collect();
@@ -89,7 +90,7 @@ fn the_table_has_a_line_for_each_picture() {
         .collect();
     assert_eq!(lines.len(), rows.len());
     for (line, row) in lines.iter().zip(rows) {
-        assert_eq!((line.len(), line[0]), (29, "cpu"));
+        assert_eq!((line.len(), line[0]), (30, "cpu"));
         let (written, expected) =
             (line[15].parse::<f64>().expect("a number"), row["error"]["rms_lx"].as_f64().expect("a number"));
         assert!((written - expected).abs() <= 1e-14 * expected, "{line:?}");

@@ -1,11 +1,10 @@
 //! What `accuracy` and `steps` promise: the GPU against the reference on every example, and orders of convergence.
 
 use compiler::Options;
-use compiler::ir::{Aa, Backend};
+use compiler::ir::Backend;
 use compiler::program::OutputKind;
-use runtime::frame::{Drawing, EngineChoice, Origins};
-use std::path::Path;
-use tyndall_tests::{codes, draw, every_scene, fail, name, open, open_text, probe, root};
+use runtime::frame::EngineChoice;
+use tyndall_tests::{codes, draw, every_scene, fail, name, open, probe, root};
 
 /// Every scene of a folder, drawn on the GPU in a small square and compared with the reference: by marching at every pixel
 /// that does not straddle an edge, by other backends at a sample of them.
@@ -143,56 +142,4 @@ fn the_default_rule_converges_with_order_two_on_the_gpu() {
     let Some(points) = errors(EngineChoice::Gpu, &[4, 8, 16, 32, 64], steps) else { return };
     let slope = slope(&points);
     assert!((slope + 2.0).abs() < 0.15, "slope {slope} over {points:?}");
-}
-
-/// A picture with its errors told apart.
-fn told(text: &str, options: Options) -> Option<(Drawing, Origins)> {
-    let outputs = [OutputKind::Radiance, OutputKind::Error, OutputKind::Rounding, OutputKind::Storage];
-    let options = Options { outputs: outputs.to_vec(), ..options };
-    let mut session = open_text(text, Options { size: Some([32, 32]), aa: Some(Aa::None), ..options })?;
-    let drawing = draw(Path::new("scene.vol"), &mut session);
-    let origins = drawing.origins.expect("the ray marcher tells them apart");
-    let largest = drawing.predicted.expect("an error").0;
-    let sum = origins.discretisation + origins.rounding + origins.storage;
-    let each = [origins.discretisation, origins.rounding, origins.storage];
-    // Of every pixel they are the whole error, so that the largest of each is no more than that and no less together.
-    assert!(
-        each.iter().all(|e| (0.0..=1.0001 * largest).contains(e)) && sum >= 0.9999 * largest,
-        "{origins:?}, {largest}"
-    );
-    Some((drawing, origins))
-}
-
-/// Each part of the error is what its name says.
-#[test]
-fn errors_are_told_apart() {
-    let eye = "camera { from = (0, 0.1, -4) m  to = (0, 0, 0) m  fov = 40 deg }";
-    let shape = "shape = box(min: (-1, -1, -1) m, max: (1, 1, 1) m)";
-    // Nothing but rounding is wrong with what has a closed form.
-    let even = format!("medium even {{ {shape}  k_a = 2 /m  k_e = 3 lx / m }}\n{eye}");
-    let Some((_, closed)) = told(&even, Options::default()) else { return };
-    assert!(closed.rounding > 0.0 && closed.discretisation < 1e-9 && closed.storage == 0.0, "{closed:?}");
-    // Shorter steps make up for the rule, and for nothing else.
-    let waves = "density = 1 + 0.9 * sin(20 * p.x / 1 m) * sin(8 * p.y / 1 m + 30 * p.z / 1 m)";
-    let wavy = |k_a: &str| format!("medium waves {{ {shape}  {waves}  k_a = {k_a}  k_e = 3 lx / m }}\n{eye}");
-    let at = |text: &str, accuracy| told(text, Options { accuracy: Some(accuracy), ..Options::default() });
-    let (rough, fine) = (at(&wavy("0.4 /m"), 1e-2), at(&wavy("0.4 /m"), 1e-4));
-    let ((_, rough), (_, fine)) = (rough.expect("seen above"), fine.expect("seen above"));
-    assert!(fine.discretisation < 0.1 * rough.discretisation, "{rough:?}, {fine:?}");
-    assert!((0.2..5.0).contains(&(fine.rounding / rough.rounding)), "{rough:?}, {fine:?}");
-    assert!(rough.storage == 0.0, "nothing is opaque or empty here: {rough:?}");
-    // Where light from behind is given up, it counts as storage, and no more than accuracy lets it.
-    let (drawing, dense) = at(&wavy("40 /m"), 1e-2).expect("seen above");
-    let bright = drawing.picture.radiance().iter().fold(1.0f32, |m, v| m.max(*v));
-    assert!(dense.storage > 0.0 && dense.storage < 1e-2 * f64::from(bright), "{dense:?}");
-    // Far from the origin of everything, f32 is coarse: ten thousand times as far, it loses as many digits.
-    let far = |x: f64| {
-        format!(
-            "medium blob {{ shape = sphere(center: ({x}, 0, 0) m, radius: 1 m)  density = exp(-((p.x - {x} m)^2 + p.y^2 + p.z^2) / (0.5 m)^2)\n\
-         k_a = 1 /m  k_e = 3 lx / m }}\ncamera {{ from = ({x}, 0, -4) m  to = ({x}, 0, 0) m  fov = 40 deg }}"
-        )
-    };
-    let (_, near) = at(&far(0.0), 1e-3).expect("seen above");
-    let (_, far) = at(&far(1e4), 1e-3).expect("seen above");
-    assert!(far.rounding > 30.0 * near.rounding, "{near:?}, {far:?}");
 }

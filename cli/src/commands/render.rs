@@ -3,7 +3,7 @@
 use super::{nanometres, read};
 use crate::args::{Format, Render};
 use crate::output::{
-    Exit, complain, diagnostics, diagnostics_json, document, number, origins_json, progress, say, trouble,
+    Exit, complain, diagnostics, diagnostics_json, document, number, origins_json, origins_text, progress, say, trouble,
 };
 use compiler::ir::Bands;
 use compiler::program::OutputKind;
@@ -239,10 +239,7 @@ impl Done {
                 &format!("error    predicted: at most {error:.2e} lx ({kind}), {share:.2} of what accuracy allows\n");
         }
         if let Some(origins) = drawing.origins {
-            text += &format!(
-                "         of which at most discretisation {:.2e}, rounding {:.2e}, storage {:.2e} lx\n",
-                origins.discretisation, origins.rounding, origins.storage
-            );
+            text += &format!("         of which at most {}\n", origins_text(origins));
         }
         if let Some(m) = &self.measured {
             text += &format!(

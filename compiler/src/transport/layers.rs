@@ -4,7 +4,7 @@ use super::shapes::FAR;
 use super::slab::{Part, Pieces};
 use crate::fields::{Code, KernelBuilder};
 use crate::program::kernel::{Carries, Expr, LocalId, Math, Prim, Ty};
-use crate::program::{Blend, FrameValue, Precision, Target};
+use crate::program::{Blend, FrameValue, OutputKind, Precision, Target};
 
 /// A fault as a number that f32 holds exactly: its code, at most 255, times this, and the number of the piece.
 pub(crate) const FAULT: f64 = 65536.0;
@@ -50,7 +50,8 @@ impl Layers {
             }
         }
         let sums = (0..depth).map(|b| (Part::Depth, b));
-        let sums = sums.chain([Part::Work, Part::Error].into_iter().filter(|p| width(*p) > 0).map(|p| (p, 0)));
+        let sums =
+            sums.chain([Part::Work, Part::Error, Part::Rounding].into_iter().filter(|p| width(*p) > 0).map(|p| (p, 0)));
         let sums: Vec<_> = sums.collect();
         for (i, part) in sums.chunks(4).enumerate() {
             layers.push(if i == 0 { "sums".into() } else { "more_sums".into() }, Blend::Add, part.to_vec());
@@ -114,7 +115,7 @@ impl Layers {
             for (slot, (kind, i)) in parts.iter_mut().zip(&self.channels[layer]) {
                 let Some(value) = part(*kind, *i) else { continue };
                 *slot = match kind {
-                    Part::Light | Part::Error => match &unit {
+                    Part::Light | Part::Error | Part::Rounding => match &unit {
                         Some(unit) => {
                             let value = value / unit.clone();
                             Expr::math(Math::Clamp, [value, Expr::F32(-MOST_HALF), Expr::F32(MOST_HALF)])
@@ -165,13 +166,28 @@ impl Layers {
     /// What was written into a channel, in the units of its part.
     pub(crate) fn read(&self, builder: &mut KernelBuilder, part: Part, texel: Expr) -> Expr {
         match (part, self.unit(builder)) {
-            (Part::Light, Some(unit)) => texel.min(MOST_HALF) * unit,
+            (Part::Light | Part::Rounding, Some(unit)) => texel.min(MOST_HALF) * unit,
             // Sums of f16 lose what is small beside them.
             (Part::Error, Some(unit)) => {
                 let count = builder.frame(FrameValue::SlabCount).convert(Prim::F32);
                 (texel * (count.clone() * self.precision.blend_error() + 1.0) + count * LEAST_HALF) * unit
             }
-            (Part::Light | Part::Depth | Part::Error | Part::Work | Part::Fault, _) => texel,
+            (Part::Light | Part::Depth | Part::Error | Part::Rounding | Part::Work | Part::Fault, _) => texel,
+        }
+    }
+
+    /// What the error of blending counts as, and how much of the sum of errors that was read is of that kind: f32 rounds, f16 stores.
+    pub(crate) fn blending(
+        &self,
+        builder: &mut KernelBuilder,
+        error: Option<(Expr, Expr)>,
+    ) -> (OutputKind, Option<Expr>) {
+        match (self.precision, self.unit(builder)) {
+            (Precision::Half, Some(unit)) => {
+                (OutputKind::Storage, error.map(|(read, texel)| (read - texel * unit).max(0.0)))
+            }
+            (Precision::Half, None) => (OutputKind::Storage, None),
+            (Precision::Single, _) => (OutputKind::Rounding, None),
         }
     }
 

@@ -37,6 +37,7 @@ use crate::program::OutputKind;
 
 pub(crate) use endless::{endless, is_multiple};
 pub(crate) use matter::Scene;
+pub(crate) use rounded::HALF_ULP;
 pub(crate) use trace::{Traced, Tracer, cut_short};
 
 /// The name of an output in the shader.

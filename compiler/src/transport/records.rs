@@ -6,10 +6,9 @@ use crate::ir::{Aa, Primitive};
 use crate::program::kernel::{Expr, Function, Prim, Stage, Ty};
 use crate::program::{Extent, FillPass, FrameValue, Ledger, Output, OutputKind, RaySource};
 
-/// The outputs that are made: those asked for, and what went wrong. Parts of the error are made where they are told apart.
-pub(crate) fn wanted(options: &[OutputKind], apart: bool) -> Vec<OutputKind> {
+/// The outputs that are made: those asked for, and what went wrong.
+pub(crate) fn wanted(options: &[OutputKind]) -> Vec<OutputKind> {
     let mut wanted = options.to_vec();
-    wanted.retain(|kind| apart || !matches!(kind, OutputKind::Rounding | OutputKind::Storage));
     if !wanted.contains(&OutputKind::Fault) {
         wanted.push(OutputKind::Fault);
     }

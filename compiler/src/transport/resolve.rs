@@ -64,7 +64,7 @@ pub(crate) fn entry(
                 let parts: Vec<Expr> = (0..components(*ty)).map(read).collect();
                 if let [only] = parts.as_slice() { only.clone() } else { Expr::Compose(*ty, parts) }
             }
-            Part::Error => layers.read(builder, *part, channel(*part, 0)),
+            Part::Error | Part::Rounding => layers.read(builder, *part, channel(*part, 0)),
             Part::Work => channel(*part, 0).convert(Prim::U32),
             Part::Fault => fault.clone().expect("made above"),
         };
@@ -90,7 +90,17 @@ pub(crate) fn entry(
         };
         let behind = largest(behind.abs(), fields[radiance].1);
         let rounded = layers.rounding(builder, &count, light, (behind, depth));
-        values[error] = values[error].clone() + rounded;
+        let rounded = code.bind("blending_error", Ty::F32, rounded);
+        values[error] = values[error].clone() + rounded.clone();
+        let summed = pieces.place(Part::Error).map(|at| (sums[at as usize].clone(), channel(Part::Error, 0)));
+        let (kind, more) = layers.blending(builder, summed);
+        if let Some(at) = place(kind) {
+            let own = values[at].clone() + rounded;
+            values[at] = match more {
+                Some(more) => own + more,
+                None => own,
+            };
+        }
     }
     if edge {
         values.push(note.edge.clone());

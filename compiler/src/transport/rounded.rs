@@ -8,7 +8,7 @@ use crate::program::StepRule;
 use crate::program::kernel::{Expr, LocalId, Ty};
 
 /// Half a unit in the last place of an f32, relative.
-pub(super) const HALF_ULP: f64 = 1.0 / 16_777_216.0;
+pub(crate) const HALF_ULP: f64 = 1.0 / 16_777_216.0;
 
 impl Tracer<'_> {
     /// Depth and radiance in front of a segment, where the error is kept.

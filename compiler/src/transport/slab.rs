@@ -21,6 +21,8 @@ pub(crate) enum Part {
     Depth,
     /// What the light may be wrong by beside the midpoint rule: f32.
     Error,
+    /// As much of that as is rounding: f32.
+    Rounding,
     /// Field evaluations: u32.
     Work,
     /// 0 or the code of a fault: u32.
@@ -34,6 +36,7 @@ impl Part {
             Self::Light => "radiance",
             Self::Depth => "depth",
             Self::Error => "error",
+            Self::Rounding => "rounding",
             Self::Work => "work",
             Self::Fault => "fault",
         }
@@ -114,6 +117,7 @@ impl Tracer<'_> {
             (Part::Light, state.radiance, Ty::float(lw), Part::Light.name()),
             (Part::Depth, state.depth, Ty::float(dw), Part::Depth.name()),
             (Part::Error, state.error, Ty::F32, Part::Error.name()),
+            (Part::Rounding, state.apart.rounding, Ty::F32, Part::Rounding.name()),
             (Part::Work, state.work, Ty::U32, Part::Work.name()),
             (Part::Fault, state.fault, Ty::U32, Part::Fault.name()),
         ];
@@ -138,16 +142,18 @@ impl Tracer<'_> {
         let ray = Ray { origin: code.parameter("origin", Ty::VEC3), direction: code.parameter("direction", Ty::VEC3) };
         let start = code.parameter("start", Ty::F32);
         let fault_at = state.fault.map(|_| code.parameter("fault_at", Ty::VEC3));
-        let mut sums = [None; 5];
+        let mut sums = [None; 6];
         for (slot, (_, var, ty, name)) in sums.iter_mut().zip(all) {
             *slot = var.map(|_| {
                 let given = code.parameter(&format!("{name}_of_all"), ty);
                 code.var(name, ty, given)
             });
         }
-        let [radiance, depth, error, work, fault] = sums;
+        let [radiance, depth, error, rounding, work, fault] = sums;
         let fault_at = fault_at.map(|at| code.var("at", Ty::VEC3, at));
-        let state = State { depth, radiance, error, apart: Apart::default(), work, fault, fault_at, projected: None };
+        // Slabs leave nothing out on purpose.
+        let apart = Apart { rounding, storage: None };
+        let state = State { depth, radiance, error, apart, work, fault, fault_at, projected: None };
         let hit = nearest.map(|nearest| {
             let arguments = vec![ray.origin.clone(), ray.direction.clone(), start, Expr::F32(FAR)];
             code.bind("hit", nearest.result, Expr::Call(nearest.function, arguments))
@@ -187,7 +193,7 @@ impl Tracer<'_> {
         let value = |(part, ty): &(Part, Ty)| match part {
             Part::Light => light.clone().expect("it is there"),
             Part::Depth => depth.clone().expect("it is there"),
-            Part::Error => Expr::F32(0.0),
+            Part::Error | Part::Rounding => Expr::F32(0.0),
             Part::Work | Part::Fault => {
                 debug_assert_eq!(*ty, Ty::U32);
                 Expr::U32(0)

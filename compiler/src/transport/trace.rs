@@ -116,7 +116,7 @@ pub(crate) struct Tracer<'a> {
 #[derive(Copy, Clone, Default)]
 pub(super) struct Apart {
     pub(super) rounding: Option<LocalId>,
-    storage: Option<LocalId>,
+    pub(super) storage: Option<LocalId>,
 }
 
 /// Where an error comes from, if not from the rule that integrates.

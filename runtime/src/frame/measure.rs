@@ -32,15 +32,18 @@ pub struct Measured {
 }
 
 /// Where the error of a picture comes from, as its engine knows it: of each the largest over the pixels and parts of the program, in lx.
-/// They need not be of one pixel, so that their sum may exceed the largest error.
+/// They need not be of one pixel, so that their sum may exceed the largest error; it is never less.
 #[derive(Copy, Clone, Debug, Default, PartialEq)]
 pub struct Origins {
-    /// Of the rule that integrates, and of pixels filled in from those around them.
+    /// Of the rule that integrates: of steps, slabs, lattices, panels, and of pixels filled in from those around them.
     pub discretisation: f64,
-    /// Of f32: of places, of ends of segments, of the last operations.
+    /// Of floating point: of places, of ends of segments, of sums, of blending in f32.
     pub rounding: f64,
-    /// Of what is left out on purpose: what lies behind where a ray ends early, and in bricks that count as empty.
+    /// Of what is left out on purpose or kept with fewer digits than it was found with: what lies behind where a ray ends early, bricks
+    /// that count as empty, tails of Gaussians, splats too faint for the list of a tile, paths ended for their length, blending in f16, f64 kept as f32.
     pub storage: f64,
+    /// Of chance: the standard error of random paths.
+    pub statistical: f64,
 }
 
 impl Origins {
@@ -49,6 +52,7 @@ impl Origins {
         self.discretisation = self.discretisation.max(other.discretisation);
         self.rounding = self.rounding.max(other.rounding);
         self.storage = self.storage.max(other.storage);
+        self.statistical = self.statistical.max(other.statistical);
     }
 }
 

@@ -3,6 +3,7 @@
 use super::figures::{against_time, against_work, falling, keys, predicted, quantities};
 use super::plot::{self, Plot, escaped, marker};
 use super::{chosen, name, short, value, way};
+use crate::output::origins_text;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use runtime::image::{Shown, png_bytes};
@@ -129,12 +130,7 @@ fn choices(report: &Report) -> String {
             } else {
                 format!("<b>exceeded at {} of {} pixels</b>", p.beyond, row.error.pixels)
             };
-            let origins = p.origins.map_or(String::new(), |o| {
-                let [discretisation, rounding, storage] = [o.discretisation, o.rounding, o.storage].map(short);
-                format!(
-                    " At most {discretisation} lx of it are of discretisation, {rounding} of rounding, {storage} of storage."
-                )
-            });
+            let origins = p.origins.map_or(String::new(), |o| format!(" Of which at most {}.", origins_text(o)));
             format!(" Predicted: at most {} lx ({}), {held}.{origins}", short(p.max), p.kind.replace('-', " "))
         });
         let _ = writeln!(

@@ -5,7 +5,7 @@ use super::{chosen, name, value, way};
 use runtime::report::{Report, Row, Series};
 
 /// The columns of the CSV file, in their order. Errors and radiance are in lx, times in milliseconds.
-const COLUMNS: [&str; 29] = [
+const COLUMNS: [&str; 30] = [
     "engine",
     "adapter",
     "backend",
@@ -35,6 +35,7 @@ const COLUMNS: [&str; 29] = [
     "discretisation_lx",
     "rounding_lx",
     "storage_lx",
+    "statistical_lx",
 ];
 
 /// One line per picture, after a heading.
@@ -48,7 +49,7 @@ fn line(series: &Series, row: &Row) -> String {
     let maybe = |v: Option<String>| v.unwrap_or_default();
     let predicted = row.predicted.as_ref();
     let origins = predicted.and_then(|p| p.origins);
-    let fields: [String; 29] = [
+    let fields: [String; 30] = [
         series.engine.to_owned(),
         quoted(series.adapter.as_deref().unwrap_or_default()),
         series.backend.unwrap_or_default().to_owned(),
@@ -78,6 +79,7 @@ fn line(series: &Series, row: &Row) -> String {
         maybe(origins.map(|o| o.discretisation.to_string())),
         maybe(origins.map(|o| o.rounding.to_string())),
         maybe(origins.map(|o| o.storage.to_string())),
+        maybe(origins.map(|o| o.statistical.to_string())),
     ];
     fields.join(",")
 }

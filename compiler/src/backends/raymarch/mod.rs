@@ -33,7 +33,7 @@ pub(super) fn build(
     } else {
         seen.keep_bounds(scene, rule, ledger);
     }
-    let wanted = records::wanted(&options.outputs, !many);
+    let wanted = records::wanted(&options.outputs);
     let aa = options.aa.unwrap_or(scene.image.aa);
     let samples = records::samples(aa, options.rays, ledger);
     let edged = !many && records::divides(aa, options.rays, seen.primitives(), ledger);

@@ -49,7 +49,7 @@ pub(super) fn build(
     let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
     let rays = Rays::new(samples, divided);
     let mut builder = KernelBuilder::default();
-    let mut wanted = records::wanted(&options.outputs, false);
+    let mut wanted = records::wanted(&options.outputs);
     let precision = match (options.blending, options.rays) {
         (Precision::Half, RaySource::Camera) => {
             ledger.omit("f32 targets", "the adapter blends f16 alone; what that rounds is in the reported error", None);

@@ -57,7 +57,7 @@ pub(super) fn build(
     let divided = records::divides(aa, options.rays, seen.primitives(), ledger);
     let rays = Rays::new(samples, divided);
     let mut builder = KernelBuilder::default();
-    let tracer = Tracer::new(scene, &seen, &mut builder, rule, records::wanted(&options.outputs, false));
+    let tracer = Tracer::new(scene, &seen, &mut builder, rule, records::wanted(&options.outputs));
     let pieces = tracer.write_slabs(ledger);
     let shape = match (options.rays, scene.camera.projection) {
         (RaySource::List, _) => FootprintShape::Ray,

@@ -5,10 +5,10 @@ use crate::ir::{FieldScene, SplatBlend};
 use crate::program::kernel::{BinaryOp, Expr, Function, FunctionId, LocalId, Math, Prim, Ty};
 use crate::program::{Fault, FootprintShape, FrameValue, Ledger, OutputKind, RaySource};
 use crate::transport::aim::{Note, Rays};
-use crate::transport::cut_short;
 use crate::transport::layers::{component, components};
 use crate::transport::records::{self, Pixel};
 use crate::transport::slab::{Part, Pieces};
+use crate::transport::{HALF_ULP, cut_short};
 
 /// Largest optical depth that f32 holds, and some room.
 const OPAQUE: f64 = 3.0e38;
@@ -16,6 +16,11 @@ const OPAQUE: f64 = 3.0e38;
 const DECODED: f64 = 2.4;
 /// Where media lie between encoded splats, a change behind a splat may be this many times as large before it, where it is dark.
 const THROUGH_DARK: f64 = 13.0;
+
+/// What a blend rounds, relative.
+const BLENDED: f64 = 3.0 * HALF_ULP;
+/// What a power may be off by, of numbers from 1e-4 to 1.
+const POWER: f64 = 32.0 * HALF_ULP;
 
 /// What comes out.
 pub(super) fn fields(pieces: &Pieces, edge: bool) -> Vec<(OutputKind, u8)> {
@@ -69,8 +74,9 @@ struct Blend<'a> {
     encode: Option<FunctionId>,
     decode: Option<FunctionId>,
     light: LocalId,
-    /// Of each band, in the numbers that `light` is in.
+    /// Of each band, in the numbers that `light` is in: of media, and of rounding.
     error: Option<LocalId>,
+    rounding: Option<LocalId>,
     depth: Option<LocalId>,
     /// −log of what splats let through.
     veiled: Option<LocalId>,
@@ -87,6 +93,29 @@ struct Blend<'a> {
 }
 
 impl Blend<'_> {
+    /// What is attenuated as light is.
+    fn errors(&self) -> impl Iterator<Item = LocalId> {
+        [self.error, self.rounding].into_iter().flatten()
+    }
+
+    /// Adds what rounding makes of a sum, and what else it moves it by. Roundings are of either sign and independent of each other: they
+    /// add up as their root (Higham 2002, §2.8), which is an estimate.
+    fn round(&self, code: &mut Code, moved: Option<Expr>) {
+        let Some(rounding) = self.rounding else { return };
+        let lw = self.lw;
+        let own = Expr::Local(self.light).abs() * Expr::F32(BLENDED).splat(lw);
+        let own = match moved {
+            Some(moved) => own + moved,
+            None => own,
+        };
+        let own = code.bind("rounded", Ty::float(lw), own);
+        // By the larger, so that no square overflows or vanishes.
+        let most = own.clone().max(Expr::Local(rounding)).max(Expr::F32(1e-37).splat(lw));
+        let most = code.bind("most_rounded", Ty::float(lw), most);
+        let part = code.bind("part_rounded", Ty::float(lw), own.min(Expr::Local(rounding)) / most.clone());
+        code.set(rounding, most * (part.clone() * part + Expr::F32(1.0).splat(lw)).sqrt());
+    }
+
     /// Slope of the code of sRGB at a radiance, or of its inverse at an encoded number.
     fn slope(decoding: bool, value: Expr) -> Expr {
         let power = |x: Expr, p: f64| Expr::math(Math::Pow, [x, Expr::F32(p)]);
@@ -117,12 +146,17 @@ impl Blend<'_> {
     /// The same without asking.
     fn change(&self, code: &mut Code, function: FunctionId, decoding: bool) {
         let before = Expr::Local(self.light);
-        if let Some(error) = self.error {
+        if self.error.is_some() {
             let slope = each(code, "at", self.lw, before.clone(), |x| Self::slope(decoding, x));
-            code.set(error, Expr::Local(error) * slope);
+            let slope = code.bind("slope", Ty::float(self.lw), slope);
+            for var in self.errors() {
+                code.set(var, Expr::Local(var) * slope.clone());
+            }
         }
         let after = each(code, "before", self.lw, before, |x| Expr::Call(function, vec![x]));
         code.set(self.light, after);
+        // A power is a product inside an exponential.
+        self.round(code, Some(Expr::Local(self.light).abs() * Expr::F32(POWER).splat(self.lw)));
     }
 
     /// Goes from where it is to `to`, through the media between.
@@ -152,11 +186,20 @@ impl Blend<'_> {
             sum = light + sum;
         }
         code.set(self.light, sum);
-        if let Some(error) = self.error {
-            let seen = through.map_or(Expr::Local(error), |t| fitted(t, self.dw, self.lw) * error);
-            let own = part(Part::Error).unwrap_or(Expr::F32(0.0));
-            code.set(error, seen + own.splat(self.lw));
+        if let Some(through) = &through {
+            for var in self.errors() {
+                code.set(var, fitted(through.clone(), self.dw, self.lw) * var);
+            }
         }
+        let rounded = part(Part::Rounding);
+        if let (Some(error), Some(own)) = (self.error, part(Part::Error)) {
+            let own = match &rounded {
+                Some(rounded) => (own - rounded.clone()).max(0.0),
+                None => own,
+            };
+            code.add(error, own.splat(self.lw));
+        }
+        self.round(code, rounded.map(|rounded| rounded.splat(self.lw)));
         if let Some(most) = self.most {
             code.set(most, Expr::Local(most).max(largest(&self.light.into(), self.lw)));
         }
@@ -190,6 +233,8 @@ impl Blend<'_> {
 struct Met {
     t: Expr,
     alpha: Expr,
+    /// What rounding may make of α, relative.
+    off: Expr,
     encoded: Expr,
     /// Where its colours are.
     colors: Expr,
@@ -227,34 +272,45 @@ fn meet(builder: &mut KernelBuilder, code: &mut Code, place: &Place, number: &Ex
         code.bind(name, Ty::F32, Expr::load(footprints, base.clone() + (next - 1)))
     };
     let depth = read(code, "depth");
-    let (t, power) = match (place.shape, &place.plane) {
+    // In the exponent, how far sums may be off: of the terms of each, and of its own size.
+    let off = |sum: &Expr, terms: Expr| sum.clone().abs() * terms;
+    let (t, power, off) = match (place.shape, &place.plane) {
         (FootprintShape::Plane, Some((x, y, facing))) => {
             let [xx, xy, x0, yy, y0] = ["xx", "xy", "x0", "yy", "y0"].map(|name| read(code, name));
+            let terms_u = (xx.clone() * x.clone()).abs() + (xy.clone() * y.clone()).abs() + x0.clone().abs();
+            let terms_v = (yy.clone() * y.clone()).abs() + y0.clone().abs();
             let u = code.bind("u", Ty::F32, xx * x.clone() + xy * y.clone() + x0);
             let v = code.bind("v", Ty::F32, yy * y.clone() + y0);
             let t = code.bind("t", Ty::F32, depth / facing.clone());
-            (t, Some(u.clone() * u + v.clone() * v))
+            let off = off(&u, terms_u) + off(&v, terms_v);
+            (t, Some(u.clone() * u + v.clone() * v), Some(off))
         }
-        (FootprintShape::Ray | FootprintShape::Plane, _) => (depth, None),
+        (FootprintShape::Ray | FootprintShape::Plane, _) => (depth, None, None),
         (FootprintShape::Around, _) => {
             let mut axis = |name: &str| {
                 let parts = ["x", "y", "z"].map(|part| read(code, &format!("{name}_{part}")));
-                code.bind(name, Ty::VEC3, Expr::Compose(Ty::VEC3, parts.into())).dot(place.direction.clone())
+                let axis = code.bind(name, Ty::VEC3, Expr::Compose(Ty::VEC3, parts.into()));
+                (axis.clone().dot(place.direction.clone()), axis.abs().dot(place.direction.clone().abs()))
             };
-            let [a, b, c] = ["a", "b", "c"].map(&mut axis);
+            let [(a, terms_a), (b, terms_b), (c, terms_c)] = ["a", "b", "c"].map(&mut axis);
             let ahead = code.bind("ahead", Ty::F32, c);
             let u = code.bind("u", Ty::F32, a / ahead.clone());
             let v = code.bind("v", Ty::F32, b / ahead.clone());
-            (depth, Some(ahead.greater(0.0).select(u.clone() * u + v.clone() * v, 1.0e30)))
+            let off = off(&u, terms_a) + off(&v, terms_b) + (u.clone() * u.clone() + v.clone() * v.clone()) * terms_c;
+            let off = off / ahead.clone().max(1e-30);
+            (depth, Some(ahead.greater(0.0).select(u.clone() * u + v.clone() * v, 1.0e30)), Some(off))
         }
     };
     let opacity = read(code, "opacity");
     let mut alpha = opacity.clone().abs();
-    if let Some(power) = power {
-        alpha = alpha * (power * -0.5).exp();
+    let mut relative = Expr::F32(BLENDED);
+    if let (Some(power), Some(off)) = (power, off) {
+        let power = code.bind("power", Ty::F32, power);
+        alpha = alpha * (power.clone() * -0.5).exp();
+        relative = (off * 3.0 + power * 2.0 + 6.0) * HALF_ULP;
     }
     let alpha = code.bind("alpha", Ty::F32, alpha);
-    Met { t, alpha, encoded: opacity.less(0.0), colors: base + place.shape.head() }
+    Met { t, alpha, off: relative, encoded: opacity.less(0.0), colors: base + place.shape.head() }
 }
 
 /// −log(1 − α), at most [`OPAQUE`].
@@ -327,9 +383,7 @@ pub(super) fn entry(
         ledger.omit("encoding of light", "all splats are blended linearly", None);
     }
     let zeros = |width: u8| Expr::F32(0.0).splat(width);
-    // Where nothing is stepped through, nothing is wrong but what lists leave out.
     let told = wants(OutputKind::Error);
-    let stepped = told && pieces.place(Part::Error).is_some();
     let light = code.var("light", Ty::float(lw), zeros(lw));
     let fault = (code.var("fault", Ty::U32, 0u32), code.var("fault_at", Ty::VEC3, zeros(3)));
     let numbers = match (encoded, linear, media) {
@@ -345,7 +399,8 @@ pub(super) fn entry(
         encode: encoded.then(|| builder.helper(&scene.graph, Helper::SrgbEncode)),
         decode: encoded.then(|| builder.helper(&scene.graph, Helper::SrgbDecode)),
         light,
-        error: stepped.then(|| code.var("error", Ty::float(lw), zeros(lw))),
+        error: told.then(|| code.var("error", Ty::float(lw), zeros(lw))),
+        rounding: told.then(|| code.var("rounding", Ty::float(lw), zeros(lw))),
         depth: (through && pieces.place(Part::Depth).is_some()).then(|| code.var("depth", Ty::float(dw), zeros(dw))),
         veiled: through.then(|| code.var("veiled", Ty::F32, 0.0)),
         work: wants(OutputKind::Evaluations).then(|| code.var("work", Ty::F32, 0.0)),
@@ -450,7 +505,7 @@ impl Blend<'_> {
         };
         let scalars = [self.veiled, self.work, Some(self.here), self.part_of, self.most, self.most_encoded];
         let mut all = vec![(self.light, Ty::float(self.lw)), (self.fault, Ty::U32), (self.fault_at, Ty::VEC3)];
-        all.extend(self.error.map(|e| (e, Ty::float(self.lw))));
+        all.extend(self.errors().map(|e| (e, Ty::float(self.lw))));
         all.extend(self.depth.map(|d| (d, Ty::float(self.dw))));
         all.extend(flag);
         all.extend(scalars.into_iter().flatten().map(|v| (v, Ty::F32)));
@@ -467,7 +522,7 @@ impl Blend<'_> {
         for (part, ty) in &pieces.parts {
             arguments.push(match part {
                 Part::Light | Part::Depth => Expr::F32(0.0).splat(components(*ty)),
-                Part::Error => Expr::F32(0.0),
+                Part::Error | Part::Rounding => Expr::F32(0.0),
                 Part::Work | Part::Fault => Expr::U32(0),
             });
         }
@@ -480,8 +535,10 @@ impl Blend<'_> {
         if let Some((value, width)) = found(OutputKind::Radiance) {
             code.set(self.light, fitted(value, width, self.lw));
         }
-        if let (Some(error), Some((value, _))) = (self.error, found(OutputKind::Error)) {
-            code.set(error, value.splat(self.lw));
+        if let (Some(error), Some(rounding), Some((value, _))) = (self.error, self.rounding, found(OutputKind::Error)) {
+            let rounded = found(OutputKind::Rounding).map_or(Expr::F32(0.0), |(value, _)| value);
+            code.set(error, (value - rounded.clone()).max(0.0).splat(self.lw));
+            code.set(rounding, rounded.splat(self.lw));
         }
         if let (Some(work), Some((value, _))) = (self.work, found(OutputKind::Evaluations)) {
             code.set(work, value);
@@ -548,10 +605,17 @@ impl Blend<'_> {
         let left = code.bind("left_through", Ty::F32, Expr::F32(1.0) - met.alpha.clone());
         let sum =
             colors.clone() * met.alpha.clone().splat(self.lw) + Expr::Local(self.light) * left.clone().splat(self.lw);
+        // An α that is off moves the sum from what is behind towards the splat, or back.
+        let moved = self.error.map(|_| {
+            let apart = (colors.clone() - Expr::Local(self.light)).abs();
+            let off = met.alpha.clone() * met.off.clone();
+            code.bind("moved", Ty::float(self.lw), apart * off.splat(self.lw))
+        });
         code.set(self.light, sum);
-        if let Some(error) = self.error {
-            code.set(error, Expr::Local(error) * left.splat(self.lw));
+        for var in self.errors() {
+            code.set(var, Expr::Local(var) * left.clone().splat(self.lw));
         }
+        self.round(code, moved);
         let bright = largest(&colors, self.lw);
         match (self.most, self.most_encoded) {
             (Some(most), None) => code.set(most, Expr::Local(most).max(bright)),
@@ -579,7 +643,7 @@ impl Blend<'_> {
             };
             code.bind("depth_of_all", Ty::float(self.dw), all.min(Expr::F32(OPAQUE).splat(self.dw)))
         });
-        let error = self.most.map(|most| {
+        let missing = self.most.map(|most| {
             let mut bright = Expr::Local(most).max(left_out.1.clone());
             if let (Some(encoded), Some(decode)) = (self.most_encoded, self.decode) {
                 bright = bright.max(Expr::Call(decode, vec![encoded.into()]));
@@ -589,17 +653,18 @@ impl Blend<'_> {
                 (Numbers::Encoded, _) | (Numbers::Either(_), false) => DECODED,
                 (Numbers::Either(_), true) => THROUGH_DARK,
             };
-            let missing = left_out.0.clone() * bright * gain;
-            match self.error {
-                Some(error) => largest(&error.into(), self.lw) + missing,
-                None => missing,
-            }
+            code.bind("missing", Ty::F32, left_out.0.clone() * bright * gain)
         });
+        let missing = || missing.clone().expect("made where an error is told");
+        let told = |var: Option<LocalId>| Expr::Local(var.expect("it is wanted"));
         let value = |(kind, width): &(OutputKind, u8)| match kind {
             OutputKind::Radiance => self.light.into(),
             OutputKind::Transmittance => fitted((-depth.clone().expect("it is wanted")).exp(), self.dw, *width),
             OutputKind::OpticalDepth => fitted(depth.clone().expect("it is wanted"), self.dw, *width),
-            OutputKind::Error => error.clone().expect("it is wanted"),
+            OutputKind::Error => largest(&(told(self.error) + told(self.rounding)), self.lw) + missing(),
+            OutputKind::Rounding => largest(&told(self.rounding), self.lw),
+            // What lists leave out.
+            OutputKind::Storage => missing(),
             OutputKind::Evaluations => self.work.expect("it is wanted").into(),
             OutputKind::Fault => {
                 let at = |i| Expr::Local(self.fault_at).component(i);
@@ -607,8 +672,6 @@ impl Blend<'_> {
                 Expr::Compose(Ty::float(4), vec![bits, at(0), at(1), at(2)])
             }
             OutputKind::Edge => self.note.edge.clone(),
-            // Not asked for: parts of the error are not told apart here.
-            OutputKind::Rounding | OutputKind::Storage => Expr::F32(0.0),
         };
         fields.iter().map(value).collect()
     }

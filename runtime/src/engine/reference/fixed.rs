@@ -28,6 +28,8 @@ pub(super) fn march<V: Voxels + ?Sized>(
         a.iter().zip(b).map(one).map(|e| if e.is_finite() { e } else { 0.0 }).collect()
     };
     result.error = apart(&result.radiance, &other.radiance);
+    let rounding = |(error, light): (&f64, &f64)| error.min(4.0 * f64::EPSILON * light.abs());
+    result.rounding = result.error.iter().zip(&result.radiance).map(rounding).collect();
     result.error_tau = apart(&result.optical_depth, &other.optical_depth);
     result.evaluations = worker.evaluations;
     Ok(result)
@@ -92,6 +94,7 @@ fn run<V: Voxels + ?Sized>(
         radiance: totals.radiance[..bands].to_vec(),
         transmittance: optical_depth.iter().map(|t| (-t).exp()).collect(),
         error: vec![0.0; bands],
+        rounding: vec![0.0; bands],
         error_tau: vec![0.0; bands],
         optical_depth,
         error_kind: ErrorKind::Estimate,

@@ -176,6 +176,8 @@ pub struct RayResult {
     pub optical_depth: Vec<f64>,
     /// Error of the radiance.
     pub error: Vec<f64>,
+    /// As much of that as is rounding.
+    pub rounding: Vec<f64>,
     /// Error of the optical depth.
     pub error_tau: Vec<f64>,
     /// What the errors are.

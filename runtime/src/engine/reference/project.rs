@@ -136,6 +136,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             transmittance: vec![(-depth).exp(); bands],
             optical_depth: vec![depth; bands],
             error: error[..bands].to_vec(),
+            rounding: error[..bands].iter().zip(&radiance).map(|(e, l)| e.min(4.0 * f64::EPSILON * l.abs())).collect(),
             error_tau: vec![0.0; bands],
             error_kind: if hit { ErrorKind::Estimate } else { ErrorKind::Bound },
             evaluations: self.evaluations,

@@ -97,13 +97,18 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         let behind = &beyond.radiance;
         let totals = compose(panels, behind, bands);
         let mut closed = rest.exact && !beyond.rough;
-        let (mut wrong, mut wrong_tau) = ([0.0; BANDS], [0.0; BANDS]);
+        let (mut wrong, mut wrong_tau, mut rounded) = ([0.0; BANDS], [0.0; BANDS], [0.0; BANDS]);
         let arriving = behind_each(panels, behind, bands);
         let weights = weigh(panels, behind, bands);
         let reach = reaches(panels, &arriving, bands);
         for b in 0..bands {
+            // What dividing does not help is noise of the fields.
+            let mut noise = 0.0;
             for (p, w) in panels.iter().zip(&weights) {
                 wrong[b] += w[b];
+                if p.is_exact(b) || p.is_exhausted(bands) {
+                    noise += w[b];
+                }
                 wrong_tau[b] += p.tau_error(b);
                 closed &= p.is_exact(b);
             }
@@ -117,13 +122,15 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
                 if (starts || ends) && p.h > 0.0 && p.h.is_finite() && s.tau.is_finite() {
                     wrong_tau[b] += s.tau * share;
                     let contrast = (s.radiance / phi(s.tau) - s.tau * arriving[i][b]).abs();
-                    wrong[b] += reach[i][b] * (-s.tau).exp() * share * contrast;
+                    rounded[b] += reach[i][b] * (-s.tau).exp() * share * contrast;
                 }
                 wrong[b] += reach[i][b] * p.inner[b];
             }
             let tau = if rest.infinite[b] { f64::INFINITY } else { totals.tau[b] };
             let rounding = 4.0 * f64::EPSILON;
-            wrong[b] += rest.radiance[b] + rounding * totals.radiance[b] + self.moved;
+            rounded[b] += rounding * totals.radiance[b];
+            wrong[b] += rest.radiance[b] + rounded[b] + self.moved;
+            rounded[b] += noise;
             let last = if rest.infinite[b] { 0.0 } else { reach[panels.len()][b] };
             wrong[b] += last * (behind[b] * rest.tau[b] + beyond.wrong[b]);
             wrong_tau[b] = if tau.is_finite() { wrong_tau[b] + rest.tau[b] + rounding * tau } else { 0.0 };
@@ -135,6 +142,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             transmittance: optical_depth.iter().map(|t| (-t).exp()).collect(),
             optical_depth,
             error: wrong[..bands].to_vec(),
+            rounding: rounded[..bands].to_vec(),
             error_tau: wrong_tau[..bands].to_vec(),
             error_kind: if closed { ErrorKind::Bound } else { ErrorKind::Estimate },
             evaluations: self.evaluations,

@@ -17,6 +17,8 @@ pub struct Pixels {
     pub transmittance: Vec<f64>,
     /// Mean of the errors of the radiance.
     pub error: Vec<f64>,
+    /// As much of that as is rounding.
+    pub rounding: Vec<f64>,
     /// Field evaluations in all.
     pub evaluations: u64,
     /// Rays that stopped at `max_evaluations`.
@@ -121,7 +123,7 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
         let share = 1.0 / offsets.len().max(1) as f64;
         for [x, y] in pixels {
             let first = out.radiance.len();
-            for list in [&mut out.radiance, &mut out.transmittance, &mut out.error] {
+            for list in [&mut out.radiance, &mut out.transmittance, &mut out.error, &mut out.rounding] {
                 list.resize(first + self.bands, 0.0);
             }
             for [dx, dy] in offsets {
@@ -132,6 +134,7 @@ impl<V: Voxels + ?Sized> Reference<'_, V> {
                     out.radiance[first + b] += share * result.radiance[b];
                     out.transmittance[first + b] += share * result.transmittance[b];
                     out.error[first + b] += share * result.error[b];
+                    out.rounding[first + b] += share * result.rounding[b];
                 }
                 out.evaluations += result.evaluations;
                 out.incomplete += u64::from(!result.complete);
@@ -148,6 +151,7 @@ fn join(parts: Vec<Result<Pixels, Diagnostic>>) -> Result<Pixels, Diagnostic> {
         out.radiance.extend(part.radiance);
         out.transmittance.extend(part.transmittance);
         out.error.extend(part.error);
+        out.rounding.extend(part.rounding);
         out.evaluations += part.evaluations;
         out.incomplete += part.incomplete;
     }

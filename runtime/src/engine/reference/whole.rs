@@ -93,6 +93,7 @@ impl<'a, V: Voxels + ?Sized> WholeReference<'a, V> {
                 transmittance: list(|r| &r.transmittance),
                 optical_depth: list(|r| &r.optical_depth),
                 error: list(|r| &r.error),
+                rounding: list(|r| &r.rounding),
                 error_tau: list(|r| &r.error_tau),
                 error_kind: found.iter().map(|r| r.error_kind).max().unwrap_or(ErrorKind::Bound),
                 evaluations: found.iter().map(|r| r.evaluations).sum(),
@@ -114,6 +115,7 @@ impl<'a, V: Voxels + ?Sized> WholeReference<'a, V> {
             radiance: list(|p| &p.radiance),
             transmittance: list(|p| &p.transmittance),
             error: list(|p| &p.error),
+            rounding: list(|p| &p.rounding),
             evaluations: parts.iter().map(|p| p.evaluations).sum(),
             incomplete: parts.iter().map(|p| p.incomplete).sum(),
         }

@@ -209,7 +209,7 @@ impl Canvas {
                 let part = |kind| reader.number(record, kind).map_or(0.0, f64::from);
                 let (rounding, storage) = (part(OutputKind::Rounding), part(OutputKind::Storage));
                 let discretisation = (error - rounding - storage).max(0.0);
-                origins.widen(Origins { discretisation, rounding, storage });
+                origins.widen(Origins { discretisation, rounding, storage, ..Origins::default() });
             }
             most.0 = most.0.max(error);
             most.1 = most.1.max(error / (self.accuracy * self.white.max(brightest)));

@@ -589,7 +589,11 @@ impl Session {
             frame.footprints = self.footprints_of_picture(params, time, (camera, &frame))?;
             frame.slabs.bounds = self.media_box(params, time);
         }
-        let (canvas, timing) = self.canvas(&frame, progress)?;
+        let (mut canvas, timing) = self.canvas(&frame, progress)?;
+        if let StepRule::Fixed(_) = self.program.plan.steps {
+            // Only what was asked for: nothing tells how good it is.
+            canvas.say_nothing();
+        }
         self.drawing(canvas, timing, params, time)
     }
 
@@ -676,19 +680,19 @@ impl Session {
         let drawn = engine.render(camera, &offsets, &options, progress).map_err(|d| self.input(d))?;
         let pixels = drawn.pixels;
         let narrow = |list: &[f64]| list.iter().map(|v| super::to_f32(*v)).collect::<Vec<f32>>();
-        let predicted = worst(pixels.error.iter().copied(), pixels.radiance.iter().copied(), self.accuracy(), white);
+        let chance = scene.render.scattering == Scattering::Multiple;
+        let (errors, origins) = told_apart(&pixels, chance);
+        let predicted = worst(errors.iter().copied(), pixels.radiance.iter().copied(), self.accuracy(), white);
         let (radiance, transmittance) = (narrow(&pixels.radiance), narrow(&pixels.transmittance));
         let bands = self.program.bands.clone();
         Ok(Drawing {
             picture: Picture::new(camera.size, bands, radiance, Some(transmittance)).map_err(|e| self.image(e))?,
             edges: vec![],
             predicted: Some(predicted),
-            origins: None,
-            errors: pixels.error.chunks_exact(engine.bands()).map(largest).collect(),
-            error_kind: match scene.render.scattering {
-                Scattering::None | Scattering::Single => reference::ErrorKind::Estimate.name(),
-                Scattering::Multiple => reference::ErrorKind::StandardError.name(),
-            },
+            origins: Some(origins),
+            errors: errors.chunks_exact(engine.bands()).map(largest).collect(),
+            error_kind: if chance { reference::ErrorKind::StandardError } else { reference::ErrorKind::Estimate }
+                .name(),
             paths: None,
             drawn: None,
             slabs: None,
@@ -874,6 +878,21 @@ impl RayAnswer {
 fn values(volume: &Volume) -> Interval {
     let (low, high) = volume.range();
     Interval { low, high, nan: false }
+}
+
+/// The error of each band of each pixel that f64 finds and f32 keeps, and where the largest come from.
+fn told_apart(pixels: &reference::Pixels, chance: bool) -> (Vec<f64>, Origins) {
+    let mut origins = Origins::default();
+    let one = |((error, rounding), radiance): ((&f64, &f64), &f64)| {
+        // To nearest, and what is denormal there not at all.
+        let storage = radiance.abs() * (0.5 * f64::from(f32::EPSILON)) + f64::from(f32::MIN_POSITIVE);
+        let rest = error - rounding;
+        let (statistical, discretisation) = if chance { (rest, 0.0) } else { (0.0, rest) };
+        origins.widen(Origins { discretisation, rounding: *rounding, storage, statistical });
+        error + storage
+    };
+    let errors = pixels.error.iter().zip(&pixels.rounding).zip(&pixels.radiance).map(one).collect();
+    (errors, origins)
 }
 
 /// The largest of a pixel's errors.

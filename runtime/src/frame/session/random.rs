@@ -4,7 +4,7 @@ use super::Cause;
 use super::canvas::{Canvas, draw_parts, trace_parts};
 use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::paths::{Batches, LEAST_BATCHES, TOGETHER, Tally};
-use crate::frame::{Camera, FaultTally, Frame, Params, pack_ray, scene_bounds};
+use crate::frame::{Camera, FaultTally, Frame, Origins, Params, pack_ray, scene_bounds};
 use crate::image::Picture;
 use compiler::diagnostic::Diagnostic;
 use compiler::program::{OutputKind, Program, StepRule, UniformSource};
@@ -55,7 +55,8 @@ impl Session {
         let mut still = Canvas::new(&program, camera.size, &frame);
         let drawn = draw_parts(&mut self.engine, &frame, &mut still, &|part| !random[part], &mut |_| {});
         let mut timing = drawn.map_err(|e| self.broken(&e))?;
-        let mut cut_off = still.predicted.map_or(0.0, |p| p.0);
+        let exact = still.predicted.map_or(0.0, |p| p.0);
+        let mut cut_off = 0.0f64;
         let mut faults = std::mem::take(&mut still.faults);
         let mut transmittance = None;
         // Paths of one dispatch: fewer if the driver turns out to end loops early.
@@ -101,9 +102,13 @@ impl Session {
             progress(done);
         }
         let worst = tally.worst(bands, frame.accuracy, frame.white);
+        // Sums of so many paths in f32, whose roundings are of either sign (Higham 2002, §2.8).
+        let brightest = tally.mean().iter().copied().fold(0.0, f64::max);
+        let rounding = f64::from(batches.size).sqrt() * 0.5 * f64::from(f32::EPSILON) * brightest;
+        let beside = exact + cut_off + rounding;
         let errors = (0..tally.mean().len() / bands).map(|i| {
             let standard = (0..bands).map(|b| tally.error(i * bands + b)).fold(0.0, f64::max);
-            (standard + cut_off) as f32
+            (standard + beside) as f32
         });
         let errors = errors.collect();
         let radiance = tally.mean().iter().map(|v| *v as f32).collect();
@@ -111,8 +116,9 @@ impl Session {
             picture: Picture::new(camera.size, program.bands.clone(), radiance, transmittance)
                 .map_err(|e| self.image(e))?,
             edges: vec![],
-            predicted: Some((worst.0 + cut_off, worst.1)),
-            origins: None,
+            predicted: Some((worst.0 + beside, worst.1)),
+            // Parts of the program that need no paths are integrated.
+            origins: Some(Origins { discretisation: exact, rounding, storage: cut_off, statistical: worst.0 }),
             errors,
             error_kind: "standard-error",
             paths: Some(u64::from(tally.batches()) * u64::from(batches.size)),

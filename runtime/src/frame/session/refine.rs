@@ -7,7 +7,7 @@
 use super::canvas::Canvas;
 use super::{Cause, RayAnswer, Session, Trouble};
 use crate::engine::gpu::Timing;
-use crate::frame::Frame;
+use crate::frame::{Frame, Origins};
 use compiler::diagnostic::{Diagnostic, Diagnostics};
 use std::time::Instant;
 
@@ -122,7 +122,7 @@ impl Session {
                 }
                 if ladder.is_asked() {
                     // Only what was asked for: nothing tells how good it is but the comparison with the reference.
-                    (canvas.predicted, canvas.errors) = (None, vec![]);
+                    canvas.say_nothing();
                     return Ok(Refined { frame, canvas, timing, pieces, spent });
                 }
                 before = Some((pieces, canvas, timing, own));
@@ -213,25 +213,37 @@ impl Canvas {
         let own = self.predicted.unwrap_or((0.0, 0.0));
         self.errors.resize(self.radiance.len() / bands, 0.0);
         let (mut error, mut share) = (0.0f64, 0.0f64);
+        let mut apart = vec![0.0f32; self.errors.len()];
         let pixels = self.radiance.chunks_exact(bands).zip(coarse.radiance.chunks_exact(bands));
-        for (pixel, (fine, rough)) in pixels.enumerate() {
+        for ((fine, rough), slot) in pixels.zip(&mut apart) {
             let off = fine.iter().zip(rough).map(|(a, b)| f64::from((a - b).abs()) / ratio).fold(0.0, f64::max);
             let brightest = fine.iter().fold(0.0f32, |m, v| m.max(*v));
-            if let Some(own) = self.errors.get_mut(pixel) {
-                *own += off as f32;
-            }
+            *slot = off as f32;
             error = error.max(off);
             share = share.max(off / (self.accuracy * self.white.max(f64::from(brightest))));
+        }
+        // In a single pixel two errors may be alike by chance: the largest of those around it counts.
+        for (own, off) in self.errors.iter_mut().zip(widest(&apart, self.size[0] as usize)) {
+            *own += off;
+        }
+        if let Some(origins) = &mut self.origins {
+            origins.discretisation += error;
         }
         self.predicted = Some((error + own.0, share + own.1));
         share
     }
 
+    /// Where nothing is known of the error but by comparison with the reference.
+    pub(super) fn say_nothing(&mut self) {
+        (self.predicted, self.origins, self.errors) = (None, None, vec![]);
+    }
+
     /// Takes the difference from other pictures that may be right for the error, where that is more than is known. `cut` of the light of a
-    /// pixel is left out besides.
-    pub(super) fn enclose(&mut self, others: &[Self], cut: f64, bands: usize) {
+    /// pixel is left out besides, and `rounded` of it may be rounding.
+    pub(super) fn enclose(&mut self, others: &[Self], (cut, rounded): (f64, f64), bands: usize) {
         self.errors.resize(self.radiance.len() / bands, 0.0);
         let (mut error, mut share) = (0.0f64, 0.0f64);
+        let mut origins = Origins::default();
         for (pixel, known) in self.errors.iter_mut().enumerate() {
             let own = pixel * bands..(pixel + 1) * bands;
             let light = &self.radiance[own.clone()];
@@ -240,12 +252,43 @@ impl Canvas {
                 let pairs = light.iter().zip(&other.radiance[own.clone()]);
                 pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
             };
-            let off = others.iter().map(apart).fold(0.0, f32::max);
-            let off = f64::from(off.max(*known)) + cut * brightest;
+            let discretisation = f64::from(others.iter().map(apart).fold(0.0, f32::max).max(*known));
+            let (rounding, storage) = (rounded * brightest, cut * brightest);
+            let off = discretisation + rounding + storage;
+            origins.widen(Origins { discretisation, rounding, storage, ..Origins::default() });
             *known = off as f32;
             error = error.max(off);
             share = share.max(off / (self.accuracy * self.white.max(brightest)));
         }
         self.predicted = Some((error, share));
+        self.origins = Some(origins);
+    }
+}
+
+/// The largest of each pixel and those around it, of pixels row by row.
+fn widest(pixels: &[f32], width: usize) -> Vec<f32> {
+    let around = |list: &[f32], step: usize, inside: &dyn Fn(usize) -> [bool; 2]| -> Vec<f32> {
+        let one = |i: usize| {
+            let [before, after] = inside(i);
+            let before = if before { list[i - step] } else { list[i] };
+            let after = if after { list[i + step] } else { list[i] };
+            list[i].max(before).max(after)
+        };
+        (0..list.len()).map(one).collect()
+    };
+    let width = width.max(1);
+    let across = around(pixels, 1, &|i| [i % width > 0, i % width + 1 < width]);
+    around(&across, width, &|i| [i >= width, i + width < pixels.len()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::widest;
+
+    #[test]
+    fn the_largest_around_a_pixel_does_not_wrap_around_rows() {
+        let pixels = [0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0];
+        assert_eq!(widest(&pixels, 4), [0.0, 0.0, 9.0, 9.0, 0.0, 0.0, 9.0, 9.0, 0.0, 0.0, 5.0, 5.0]);
+        assert_eq!(widest(&[], 0), [0.0; 0]);
     }
 }

@@ -4,7 +4,7 @@ use super::refine::{Ladder, Pieces, Refined};
 use super::{Drawing, ProbeSettings, RayAnswer, Session, Trouble};
 use crate::frame::bounds::media_boxes;
 use crate::frame::{Camera, Lattice, Params, scene_bounds};
-use compiler::program::{SPLAT_CUT, StepRule};
+use compiler::program::{Precision, SPLAT_CUT, StepRule};
 
 /// Splats that are tried first.
 const FIRST: u32 = 4096;
@@ -12,6 +12,15 @@ const FIRST: u32 = 4096;
 const MOST: u32 = 1 << 20;
 /// Most splats there can be.
 const LIMIT: u32 = 1 << 24;
+
+/// What blending the Gaussians along a ray may round, relative. Those within reach of it are as many as nodes in a tube that is
+/// as long as the lattice; their roundings are of either sign and add up as their root (Higham 2002, §2.8), which is no bound.
+fn blended(lattice: &Lattice) -> f64 {
+    /// Radius of that tube in spacings.
+    const REACH: f64 = 3.6;
+    let longest = lattice.counts.iter().map(|n| f64::from(*n).powi(2)).sum::<f64>().sqrt();
+    (std::f64::consts::PI * REACH * REACH * longest).sqrt() * Precision::Single.blend_error()
+}
 
 impl Session {
     /// Whether the picture is drawn of splats.
@@ -58,7 +67,8 @@ impl Session {
             timing = timing.and(took);
             ends.push(end);
         }
-        canvas.enclose(&ends, SPLAT_CUT, self.program.places.len());
+        let rounded = blended(&frame.lattice);
+        canvas.enclose(&ends, (SPLAT_CUT, rounded), self.program.places.len());
         Ok(Drawing {
             splats: Some(pieces.count),
             evaluations: Some(spent * self.program.parts().count() as u64),

@@ -91,6 +91,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             optical_depth: depth.tau[..bands].to_vec(),
             // Depths that are not drawn are known to so much.
             error: (0..bands).map(|b| error[b] + floor(b)).collect(),
+            rounding: (0..bands).map(|b| error[b].min(4.0 * f64::EPSILON * mean[b].abs())).collect(),
             error_tau: depth.error[..bands].to_vec(),
             error_kind: ErrorKind::StandardError,
             evaluations: self.evaluations,
