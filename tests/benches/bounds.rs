@@ -1,11 +1,11 @@
 //! What bounds of media are worth: evaluations and times against plain marching (a fixed number of steps, nothing skipped) at
-//! equal RMS error, each as a ratio within one run. Errors are against the same engine at a twentieth of the accuracy, or with
+//! equal RMS error, each as a ratio within one run; with every pixel drawn, and with some filled in from others. Errors are against the same engine at a twentieth of the accuracy, or with
 //! thousands of steps.
 //!
 //! `cargo bench --bench bounds` prints a table; evaluations do not depend on the machine.
 
 use compiler::Options;
-use compiler::ir::Aa;
+use compiler::ir::{Aa, Pixels};
 use compiler::program::OutputKind;
 use runtime::frame::{Drawing, EngineChoice, Session};
 use std::io::Write;
@@ -63,68 +63,80 @@ enum Truth {
     Steps(u32),
 }
 
-fn session(trial: &Trial, steps: Option<u32>, accuracy: Option<f64>) -> Option<Session> {
-    let mut options = Options { size: Some(trial.size), aa: Some(Aa::None), steps, accuracy, ..Options::default() };
+fn session(trial: &Trial, steps: Option<u32>, accuracy: Option<f64>, pixels: Pixels) -> Option<Session> {
+    let pixels = Some(pixels);
+    let mut options =
+        Options { size: Some(trial.size), aa: Some(Aa::None), steps, accuracy, pixels, ..Options::default() };
     options.outputs.push(OutputKind::Evaluations);
     open(&trial.path, options, EngineChoice::Gpu)
 }
 
+/// RMS error, evaluations and milliseconds.
+type Cost = (f64, f64, f64);
+
 /// The best of three, so that what else the machine does counts less.
-fn best(trial: &Trial, session: &mut Session) -> Drawing {
+fn cost(trial: &Trial, session: &mut Session, exact: &Drawing) -> Cost {
     let mut drawings: Vec<Drawing> = (0..3).map(|_| draw(&trial.path, session)).collect();
     drawings.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
-    drawings.swap_remove(0)
+    let best = drawings.swap_remove(0);
+    (rms(&best, exact), best.evaluations.unwrap_or(0) as f64, best.milliseconds)
+}
+
+/// What plain marching needs to be as good: between two of its numbers of steps, cost is interpolated by logarithms.
+fn equal(plain: &[Cost], error: f64) -> Option<(f64, f64)> {
+    // As good as it, but for what rounding makes of both.
+    let at = plain.iter().position(|p| p.0 <= 1.05 * error)?;
+    let now = plain[at];
+    let Some(before) = at.checked_sub(1).map(|i| plain[i]) else { return Some((now.1, now.2)) };
+    let share = if now.0 < error { (before.0 / error).ln() / (before.0 / now.0).ln() } else { 1.0 };
+    let between = |a: f64, b: f64| (a.ln() + share * (b.ln() - a.ln())).exp();
+    Some((between(before.1, now.1), between(before.2, now.2)))
 }
 
 fn measure(trial: &Trial) -> Option<()> {
-    let mut own = session(trial, None, None)?;
+    let mut own = session(trial, None, None, Pixels::Every)?;
     let accuracy = own.accuracy();
     // Where the least number of steps decides what is drawn, a finer accuracy draws the same.
     let mut exact = match trial.truth {
-        Truth::Accuracy => session(trial, None, Some(accuracy / 20.0))?,
-        Truth::Steps(n) => session(trial, Some(n), None)?,
+        Truth::Accuracy => session(trial, None, Some(accuracy / 20.0), Pixels::Every)?,
+        Truth::Steps(n) => session(trial, Some(n), None, Pixels::Every)?,
     };
     let exact = draw(&trial.path, &mut exact);
-    let bounded = best(trial, &mut own);
-    let error = rms(&bounded, &exact);
-    let count = |d: &Drawing| d.evaluations.unwrap_or(0) as f64;
-    println!(
-        "{:8} bounded: RMS {error:.2e}, {:.3e} evaluations, {:.0} ms",
-        trial.name,
-        count(&bounded),
-        bounded.milliseconds
-    );
-    // Twice as many steps until plain marching is as good; between the last two its cost is interpolated by logarithms.
-    let mut before: Option<(f64, f64, f64)> = None;
-    let mut steps = 32;
-    loop {
-        let mut plain = session(trial, Some(steps), None)?;
-        let drawing = best(trial, &mut plain);
-        let now = (rms(&drawing, &exact), count(&drawing), drawing.milliseconds);
-        println!("{:8}   {steps:5} steps: RMS {:.2e}, {:.3e} evaluations, {:.0} ms", "", now.0, now.1, now.2);
-        // As good as it, but for what rounding makes of both.
-        if now.0 <= 1.05 * error || steps >= 8192 {
-            let share = match before {
-                Some(b) if b.0 > now.0 && now.0 < error => (b.0 / error).ln() / (b.0 / now.0).ln(),
-                _ => 1.0,
-            };
-            let between = |a: f64, b: f64| (a.ln() + share * (b.ln() - a.ln())).exp();
-            let (evaluations, milliseconds) = match before {
-                Some(b) => (between(b.1, now.1), between(b.2, now.2)),
-                None => (now.1, now.2),
-            };
-            let more = if now.0 > 1.05 * error { "more than " } else { "" };
-            println!(
-                "{:8} plain marching needs {more}{:.1} times the evaluations and {more}{:.2} times the time",
-                trial.name,
-                evaluations / count(&bounded),
-                milliseconds / bounded.milliseconds
-            );
-            return Some(());
+    // At the scene's own accuracy and at one that is good enough to look at.
+    let mut ways = vec![("every pixel", cost(trial, &mut own, &exact))];
+    for (name, loose, pixels) in [
+        ("pixels filled in", 1.0, Pixels::Adaptive),
+        ("every pixel, four times the accuracy", 4.0, Pixels::Every),
+        ("pixels filled in, four times the accuracy", 4.0, Pixels::Adaptive),
+    ] {
+        let mut session = session(trial, None, Some(loose * accuracy), pixels)?;
+        if pixels == Pixels::Every || session.program().plan.survey.is_some() {
+            ways.push((name, cost(trial, &mut session, &exact)));
         }
-        before = Some(now);
+    }
+    let finest = ways.iter().map(|w| w.1.0).fold(f64::INFINITY, f64::min);
+    let mut plain = vec![];
+    let mut steps = 32;
+    while steps <= 8192 && plain.last().is_none_or(|p: &Cost| p.0 > 1.05 * finest) {
+        let now = cost(trial, &mut session(trial, Some(steps), None, Pixels::Every)?, &exact);
+        println!("{:8} {steps:5} steps: RMS {:.2e}, {:.3e} evaluations, {:.0} ms", trial.name, now.0, now.1, now.2);
+        plain.push(now);
         steps *= 2;
     }
+    for (name, (error, evaluations, milliseconds)) in ways {
+        println!("{:8} {name}: RMS {error:.2e}, {evaluations:.3e} evaluations, {milliseconds:.0} ms", trial.name);
+        let (more, (e, t)) = match equal(&plain, error) {
+            Some(needed) => ("", needed),
+            None => ("more than ", plain.last().map_or((f64::NAN, f64::NAN), |p| (p.1, p.2))),
+        };
+        println!(
+            "{:8}   plain marching needs {more}{:.1} times the evaluations and {more}{:.2} times the time",
+            "",
+            e / evaluations,
+            t / milliseconds
+        );
+    }
+    Some(())
 }
 
 fn main() {
@@ -142,9 +154,9 @@ fn main() {
         Trial { name: "sparse", path: own.join("sparse.vol"), size: [256, 256], truth: Truth::Accuracy },
         Trial { name: "dense", path: own.join("dense.vol"), size: [256, 256], truth: Truth::Steps(8192) },
         Trial { name: "scan", path: folder.join("scan.vol"), size: [512, 512], truth: Truth::Accuracy },
-        Trial { name: "brain", path: example("brain"), size: [256, 256], truth: Truth::Accuracy },
-        Trial { name: "nebula", path: example("nebula"), size: [256, 256], truth: Truth::Accuracy },
-        Trial { name: "cloud", path: example("cloud"), size: [256, 256], truth: Truth::Accuracy },
+        Trial { name: "brain", path: example("brain"), size: [512, 512], truth: Truth::Accuracy },
+        Trial { name: "nebula", path: example("nebula"), size: [512, 512], truth: Truth::Accuracy },
+        Trial { name: "cloud", path: example("cloud"), size: [512, 512], truth: Truth::Accuracy },
     ];
     for trial in trials.iter().filter(|t| wanted.is_empty() || wanted.iter().any(|w| w == t.name)) {
         if trial.name == "scan" {

@@ -513,7 +513,8 @@ impl Code {
         self.blocks.pop().expect("open and close are paired")
     }
 
-    /// Adds a loop over a closed block.
+    /// Adds a loop over a closed block. Counted loops that go round at least once break at their end: drivers that run all
+    /// invocations of a group in step would otherwise go round once more, for none of them, to find that all are done.
     pub fn push_loop(&mut self, body: Vec<Stmt>) {
         self.push(Stmt::Loop(body));
     }

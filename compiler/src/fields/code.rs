@@ -255,7 +255,6 @@ impl<'a> Writer<'a> {
         let index = code.var("i", Ty::I32, Expr::I32(start));
         let (values, depths) = (self.values.clone(), self.depth.clone());
         code.open();
-        code.break_if(Expr::Local(index).greater_equal(Expr::I32(end)));
         let variable = code.bind("n", Ty::F32, Expr::Local(index).convert(Prim::F32));
         if let Some(node) = graph.ids().find(|n| *graph.op(*n) == Op::LoopVar(depth)) {
             self.values.insert(node, variable);
@@ -271,8 +270,12 @@ impl<'a> Writer<'a> {
         };
         code.set(total, next);
         code.set(index, Expr::Local(index) + Expr::I32(1));
+        code.break_if(Expr::Local(index).greater_equal(Expr::I32(end)));
         let block = code.close();
-        code.push_loop(block);
+        // A loop over nothing leaves what there is of nothing.
+        if start < end {
+            code.push_loop(block);
+        }
         // What was computed inside varies with the loop and is not known outside.
         self.values = values;
         self.depth = depths;

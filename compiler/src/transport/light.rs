@@ -270,7 +270,6 @@ impl Tracer<'_> {
         let frame = Self::across(code, to);
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
-        code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let sample = Self::disc_direction(code, (to, &frame), cap, i.into(), count);
         let even = Some(Self::is_even(code, i));
         // Of columns that are kept, one that lies as far from the middle.
@@ -278,6 +277,7 @@ impl Tracer<'_> {
         let (limit, channel) = (Expr::F32(FAR), Channel::Disc(number, column));
         each(self, code, &LightSample { to: sample, limit, irradiance: e, even, channel });
         code.add(i, 1.0);
+        code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let block = code.close();
         code.push_loop(block);
     }
@@ -333,7 +333,6 @@ impl Tracer<'_> {
         let frame = Self::across(code, &axis);
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
-        code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let u = code.bind("share", Ty::F32, (Expr::Local(i) + 0.5) * (1.0 / f64::from(count)));
         // 1 − cos and 1 + cos of the angle from the axis, and the solid angle that the sample stands for.
         let of_cosine = |mu: Expr| (Expr::F32(1.0) - mu.clone(), Expr::F32(1.0) + mu);
@@ -381,6 +380,7 @@ impl Tracer<'_> {
             },
         );
         code.add(i, 1.0);
+        code.break_if(Expr::Local(i).greater_equal(f64::from(count)));
         let block = code.close();
         code.push_loop(block);
     }
@@ -400,10 +400,10 @@ impl Tracer<'_> {
                 let cosines = code.var("cosines", Ty::F32, 1e-3);
                 let j = code.var("direction_number", Ty::F32, 0.0);
                 code.open();
-                code.break_if(Expr::Local(j).greater_equal(f64::from(SKY)));
                 let to = Self::sky_direction(code, &j.into());
                 code.add(cosines, to.dot((*normal).clone()).max(0.0));
                 code.add(j, 1.0);
+                code.break_if(Expr::Local(j).greater_equal(f64::from(SKY)));
                 let block = code.close();
                 code.push_loop(block);
                 code.bind("solid", Ty::F32, Expr::F32(PI) / Expr::Local(cosines))
@@ -412,7 +412,6 @@ impl Tracer<'_> {
         };
         let i = code.var("of_light", Ty::F32, 0.0);
         code.open();
-        code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
         let to = Self::sky_direction(code, &i.into());
         let value = self.along_ray(code, &to, &[node]).remove(0);
         let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
@@ -421,6 +420,7 @@ impl Tracer<'_> {
         let (limit, channel) = (Expr::F32(FAR), Channel::Sky(i.into()));
         each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), channel });
         code.add(i, 1.0);
+        code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
         let block = code.close();
         code.push_loop(block);
     }

@@ -206,7 +206,6 @@ impl Tracer<'_> {
         }
         let node = code.var("node", Ty::F32, fresh.select(0.0, 1.0));
         code.open();
-        code.break_if(Expr::Local(node).greater_equal(f64::from(NODES)));
         let quarter = Expr::F32(0.25) * Expr::Local(node);
         let t = match inset {
             Some(inset) => from.clone() + inset.clone() + (step.clone() - inset.clone() * 2.0) * quarter,
@@ -237,6 +236,7 @@ impl Tracer<'_> {
             code.set(watched.latest, value);
         }
         code.add(node, 1.0);
+        code.break_if(Expr::Local(node).greater_equal(f64::from(NODES)));
         let block = code.close();
         code.push_loop(block);
     }

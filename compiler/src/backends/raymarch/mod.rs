@@ -229,12 +229,12 @@ fn camera_entry(
     let sums = Sums::new(&mut code, traced);
     let index = code.var("sample", Ty::F32, 0.0);
     code.open();
-    code.break_if(Expr::Local(index).greater_equal(f64::from(samples)));
     let (dx, dy) = rays::sample_offset(&mut code, index.into(), samples);
     let start = camera.ray(&mut code, "ray", x + dx, y + dy);
     let ray = code.bind("traced", result, rays::call(traced.function, &start));
     sums.add(&mut code, traced, &ray, &Expr::F32(1.0 / f64::from(samples)));
     code.add(index, 1.0);
+    code.break_if(Expr::Local(index).greater_equal(f64::from(samples)));
     let block = code.close();
     code.push_loop(block);
     store(builder, &mut code, &widths(traced), &sums.values(), &record, stride);
