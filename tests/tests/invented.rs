@@ -45,17 +45,20 @@ fn a_hundred_invented_scenes_keep_their_word() {
 }
 
 /// Scenes beyond those hundred that once broke their word, and what in them did.
-const BROKEN_ONCE: [(u64, &str); 11] = [
+const BROKEN_ONCE: [(u64, &str); 14] = [
     (127, "a skin thinner than cells of the lattice of light"),
     (270, "a narrow layer of a table, lit by a lamp"),
     (284, "a skin thinner than cells of the lattice of light"),
     (320, "cells of noise that glow through a Gaussian"),
     (326, "waves of density that a sun lights, a millionth of a metre long"),
     (403, "specks of noise above a threshold that glow alone"),
+    (524, "a shell that outshines everything behind something opaque"),
     (542, "specks of noise, too dense to be seen through"),
     (591, "waves of density that glow and are lit"),
     (850, "waves of density, lit from the side"),
     (902, "a shell that no column of light meets, though places are behind it"),
+    (1181, "an edge that light grazes, within a cell of the lattice of light"),
+    (1339, "a skin far thinner than f32 can tell, under a closed shadow"),
     (1571, "a shell of a fifty-thousandth of its box, whose sides are rounded"),
 ];
 

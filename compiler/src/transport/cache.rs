@@ -3,8 +3,8 @@
 //!
 //! Without it every step of every ray would step towards every light. Suns and lamps have a fine lattice; of the disc of a sun
 //! and of an environment fixed sets of directions are kept on coarser ones. Depths are interpolated (they are smoother than what they let through),
-//! and the difference from the lattice of half the resolution, divided by three since the error falls with its square, is
-//! the error that each look-up adds to the picture's.
+//! and what the lattice of half the resolution tells of the nodes around a place, against what they are, is the measure of the error that
+//! each look-up adds to the picture's ([`bent`]).
 //!
 //! Neither lattice sees what is thinner than a cell. But along the way to the light depth falls by the extinction, dτ/ds = −σ: where
 //! the extinction at a place and the slope of what is interpolated there disagree, the cell holds more than its nodes tell, and the
@@ -66,11 +66,23 @@ pub(super) enum Channel {
     Sky(Expr),
 }
 
-/// What a depth between nodes may be wrong by, of second order in their distance: a third of what every other node tells otherwise. But between
-/// nodes of which one lies before something opaque and one behind it, light may come through or not.
+/// Whether one node of a cell may lie before something opaque and another behind it, so that light may come through between them or not.
+fn is_torn(apart: &Expr, range: &Expr) -> Expr {
+    range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1))
+}
+
+/// What a depth between nodes may be wrong by, of second order in their distance: a third of what every other node tells otherwise at this
+/// place. But in torn cells everything.
 pub(super) fn resolved(apart: Expr, range: Expr) -> Expr {
-    let torn = range.clone().greater(TORN.0).and(apart.clone().greater(range.clone() * TORN.1));
-    torn.select(range, apart * (1.0 / 3.0))
+    is_torn(&apart, &range).select(range, apart * (1.0 / 3.0))
+}
+
+/// The same by the node of the cell of which every other node tells the most otherwise. Where depths are smooth the largest error within
+/// the cell is a quarter of that; where they have a kink, as from the edge of a shape on, it is up to half of it or as much, and the
+/// difference is no small part of the range.
+fn bent(bend: Expr, range: Expr) -> Expr {
+    let sharp = bend.clone() / range.max(1e-30);
+    bend * (sharp.min(0.25) + 0.25)
 }
 
 impl Tracer<'_> {
@@ -220,75 +232,13 @@ impl Tracer<'_> {
     /// Writes `name(p, to, limit, channel)`: trilinear interpolation of depths, with the error as last component.
     fn column(&mut self, name: &str, n: u32, first: u32) -> FunctionId {
         let dw = self.scene.depth_width;
-        let buffer = self.builder.cache();
         let (low, size) = self.corner();
         let wide = Ty::float(dw);
-        // One lattice with this many cells along an edge, of which each spans `stride` nodes.
-        let mut code = Code::new(&format!("{name}_lattice"), None);
-        let u = code.parameter("u", Ty::VEC3);
-        let channel = code.parameter("channel", Ty::U32);
-        let stride = code.parameter("stride", Ty::U32);
-        let way = code.parameter("way", Ty::VEC3);
-        let cells = code.bind("cells", Ty::U32, Expr::U32(n - 1) / stride.clone());
-        let cells_wide = cells.clone().convert(Prim::F32).splat(3);
-        let x = code.bind("x", Ty::VEC3, u * cells_wide.clone());
-        let most = code.bind("most", Ty::F32, (cells - 1u32).convert(Prim::F32));
-        let floor = Expr::math(Math::Floor, [x.clone()]);
-        let cell = Expr::math(Math::Clamp, [floor, Expr::F32(0.0).splat(3), most.splat(3)]);
-        let cell = code.bind("cell", Ty::VEC3, cell);
-        let f = code.bind("f", Ty::VEC3, x - cell.clone());
-        let whole = |i: u8| cell.clone().component(i).convert(Prim::U32) * stride.clone();
-        let corner = [0u8, 1, 2].map(|i| code.bind(["i", "j", "k"][i as usize], Ty::U32, whole(i)));
-        let base = code.bind("base", Ty::U32, channel * n.pow(3) + first);
-        // How the weights of nodes change along the way.
-        let way = code.bind("cells_along", Ty::VEC3, way * cells_wide);
-        let mut sum: Option<Expr> = None;
-        let mut slope: Option<Expr> = None;
-        let (mut least, mut most): (Option<Expr>, Option<Expr>) = (None, None);
-        for c in 0..8u32 {
-            let bit = |axis: u32| (c >> axis) & 1;
-            let at = |axis: usize| {
-                if bit(axis as u32) == 1 { corner[axis].clone() + stride.clone() } else { corner[axis].clone() }
-            };
-            let node = base.clone() + at(0) + at(1) * n + at(2) * (n * n);
-            let node = code.bind("node", Ty::U32, node * u32::from(dw));
-            let parts: Vec<Expr> = (0..dw).map(|i| Expr::load(buffer, node.clone() + u32::from(i))).collect();
-            let value = if dw == 1 { parts[0].clone() } else { Expr::Compose(wide, parts) };
-            let sides = [0u8, 1, 2].map(|axis| {
-                let f = f.clone().component(axis);
-                if bit(u32::from(axis)) == 1 { f } else { Expr::F32(1.0) - f }
-            });
-            let [a, b, c] = sides;
-            let change = [b.clone() * c.clone(), a.clone() * c.clone(), a.clone() * b.clone()].into_iter().zip(0u8..);
-            let change = change.map(|(others, axis)| {
-                let along = way.clone().component(axis) * others;
-                if bit(u32::from(axis)) == 1 { along } else { -along }
-            });
-            let change = change.reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0));
-            let weight = a * b * c;
-            let value = code.bind("node_depth", wide, value);
-            least = Some(least.map_or(value.clone(), |l| l.min(value.clone())));
-            most = Some(most.map_or(value.clone(), |m| m.max(value.clone())));
-            let change = code.bind("change", wide, value.clone() * change.splat(dw));
-            slope = Some(match slope {
-                Some(slope) => code.bind("slope", wide, slope + change),
-                None => change,
-            });
-            let term = code.bind("term", wide, value * weight.splat(dw));
-            sum = Some(match sum {
-                Some(sum) => code.bind("sum", wide, sum + term),
-                None => term,
-            });
-        }
-        let zero = || Expr::F32(0.0).splat(dw);
-        let range = most.unwrap_or_else(zero) - least.unwrap_or_else(zero);
         let found = self.builder.add_struct(
             &format!("{name}_between"),
-            vec![("depth".into(), wide), ("range".into(), Ty::F32), ("slope".into(), wide)],
+            vec![("depth".into(), wide), ("error".into(), Ty::F32), ("slope".into(), wide)],
         );
-        let slope = slope.unwrap_or_else(zero);
-        code.return_(Expr::Compose(found, vec![sum.unwrap_or_else(zero), largest(range, dw), slope]));
-        let lattice = self.builder.add_function(code.finish(Some(found)));
+        let lattice = self.between(&format!("{name}_lattice"), found, n, first);
         let result =
             self.builder.add_struct(&format!("{name}_value"), vec![("depth".into(), wide), ("error".into(), Ty::F32)]);
         let axis = self.spans.within(self.builder);
@@ -317,18 +267,100 @@ impl Tracer<'_> {
         let inside = enter.clone().less_equal(0.0);
         let u = (from + to * enter.splat(3)) / size;
         let u = Expr::math(Math::Clamp, [u, Expr::F32(0.0).splat(3), Expr::F32(1.0).splat(3)]);
-        let u = code.bind("u", Ty::VEC3, u);
-        let near = Expr::Call(lattice, vec![u.clone(), channel.clone(), Expr::U32(1), way.clone()]);
-        let near = code.bind("fine", found, near);
-        let rough = code.bind("rough", found, Expr::Call(lattice, vec![u, channel, Expr::U32(2), way.clone()]));
-        let apart = code.bind("apart", Ty::F32, largest((near.clone().field(0) - rough.field(0)).abs(), dw));
-        let off = resolved(apart, near.clone().field(1));
+        let near = code.bind("near", found, Expr::Call(lattice, vec![u, channel, way.clone()]));
+        let off = near.clone().field(1);
         let through_cell = Expr::F32(1.0) / (largest(way.abs(), 3) * f64::from(n - 1));
         let missed = largest((k_open.clone() + near.clone().field(2)).abs(), dw) * through_cell * MISSED;
         let asked = inside.and(k_open.component_if(dw, 0).greater_equal(0.0));
         let off = asked.select(off.clone().max(missed.min(1e30)), off);
         code.return_(Expr::Compose(result, vec![near.field(0), off]));
         self.builder.add_function(code.finish(Some(result)))
+    }
+
+    /// The nodes of one channel around a cell, of which each edge spans `stride` nodes.
+    fn corners(&mut self, code: &mut Code, cell: &Expr, base: &Expr, n: u32, stride: u32) -> Vec<Expr> {
+        let dw = self.scene.depth_width;
+        let buffer = self.builder.cache();
+        let names = ["i", "j", "k"];
+        let low = [0u8, 1, 2].map(|axis| {
+            let whole = cell.clone().component(axis).convert(Prim::U32) * stride;
+            code.bind(names[usize::from(axis)], Ty::U32, whole)
+        });
+        let corner = |c: usize| {
+            let at = |axis: usize| if c >> axis & 1 == 1 { low[axis].clone() + stride } else { low[axis].clone() };
+            let node = base.clone() + at(0) + at(1) * n + at(2) * (n * n);
+            let node = code.bind("node", Ty::U32, node * u32::from(dw));
+            let mut parts: Vec<Expr> = (0..dw).map(|i| Expr::load(buffer, node.clone() + u32::from(i))).collect();
+            let value = if dw == 1 { parts.remove(0) } else { Expr::Compose(Ty::float(dw), parts) };
+            code.bind("node_depth", Ty::float(dw), value)
+        };
+        (0..8).map(corner).collect()
+    }
+
+    /// Writes `name(u, channel, way)`: the depth between the nodes, what it may be wrong by for its nodes, and how it changes along the way.
+    fn between(&mut self, name: &str, found: Ty, n: u32, first: u32) -> FunctionId {
+        let dw = self.scene.depth_width;
+        let wide = Ty::float(dw);
+        let mut code = Code::new(name, None);
+        let u = code.parameter("u", Ty::VEC3);
+        let channel = code.parameter("channel", Ty::U32);
+        let way = code.parameter("way", Ty::VEC3);
+        let cells = f64::from(n - 1);
+        let x = code.bind("x", Ty::VEC3, u * Expr::F32(cells).splat(3));
+        let floor = Expr::math(Math::Floor, [x.clone()]);
+        let cell = Expr::math(Math::Clamp, [floor, Expr::F32(0.0).splat(3), Expr::F32(cells - 1.0).splat(3)]);
+        let cell = code.bind("cell", Ty::VEC3, cell);
+        let f = code.bind("f", Ty::VEC3, x - cell.clone());
+        let rough_cell = Expr::math(Math::Floor, [cell.clone() * Expr::F32(0.5).splat(3)]);
+        let rough_cell = code.bind("rough_cell", Ty::VEC3, rough_cell);
+        // Where in the cell of twice the size the nodes are: at 0 and 1/2, or at 1/2 and 1.
+        let lower = code.bind("lower", Ty::VEC3, cell.clone() * Expr::F32(0.5).splat(3) - rough_cell.clone());
+        let base = code.bind("base", Ty::U32, channel * n.pow(3) + first);
+        let near = self.corners(&mut code, &cell, &base, n, 1);
+        let mut rough = self.corners(&mut code, &rough_cell, &base, n, 2);
+        // What every other node tells of the nodes of the cell.
+        for axis in 0..3usize {
+            let at = lower.clone().component(axis as u8);
+            for c in (0..8).filter(|c| c >> axis & 1 == 0) {
+                let (a, b) = (rough[c].clone(), rough[c | 1 << axis].clone());
+                let change = code.bind("change_across", wide, b - a.clone());
+                let here = code.bind("halfway", wide, a + change.clone() * at.clone().splat(dw));
+                rough[c | 1 << axis] = code.bind("farther", wide, here.clone() + change * Expr::F32(0.5).splat(dw));
+                rough[c] = here;
+            }
+        }
+        // How the weights of nodes change along the way.
+        let way = code.bind("cells_along", Ty::VEC3, way * Expr::F32(cells).splat(3));
+        let zero = || Expr::F32(0.0).splat(dw);
+        let (mut sum, mut apart, mut slope, mut bend) = (zero(), zero(), zero(), zero());
+        let (mut least, mut most) = (near[0].clone(), near[0].clone());
+        for (c, (value, told)) in near.iter().zip(rough).enumerate() {
+            let upper = |axis: usize| c >> axis & 1 == 1;
+            let [a, b, c] = [0usize, 1, 2].map(|axis| {
+                let f = f.clone().component(axis as u8);
+                if upper(axis) { f } else { Expr::F32(1.0) - f }
+            });
+            let others = [b.clone() * c.clone(), a.clone() * c.clone(), a.clone() * b.clone()];
+            let change = others.into_iter().enumerate().map(|(axis, others)| {
+                let along = way.clone().component(axis as u8) * others;
+                if upper(axis) { along } else { -along }
+            });
+            let change = change.reduce(|a, b| a + b).unwrap_or(Expr::F32(0.0));
+            let weight = code.bind("weight", Ty::F32, a * b * c);
+            let differs = code.bind("differs", wide, value.clone() - told);
+            sum = code.bind("sum", wide, sum + value.clone() * weight.clone().splat(dw));
+            apart = code.bind("apart", wide, apart + differs.clone() * weight.splat(dw));
+            slope = code.bind("slope", wide, slope + value.clone() * change.splat(dw));
+            bend = bend.max(differs.abs());
+            (least, most) = (least.min(value.clone()), most.max(value.clone()));
+        }
+        let apart = code.bind("apart_most", Ty::F32, largest(apart.abs(), dw));
+        let bend = code.bind("bend", Ty::F32, largest(bend, dw));
+        let range = code.bind("range", Ty::F32, largest(most - least, dw));
+        let torn = is_torn(&apart, &range);
+        let off = torn.select(range.clone(), bent(bend, range));
+        code.return_(Expr::Compose(found, vec![sum, off, slope]));
+        self.builder.add_function(code.finish(Some(found)))
     }
 
     /// How many columns a gathering looks up: they count as evaluations. Of light that is followed from slab to slab, the way back to

@@ -122,7 +122,12 @@ impl Tracer<'_> {
                 self.shared_light(media, x.as_ref())
             };
             if let (Some(radiance), Some(light)) = (state.radiance, light) {
-                let light = self.weighted(state, light, lw);
+                let mut light = self.weighted(state, light, lw);
+                if state.apart.depth.is_some() {
+                    light = code.bind("brought", Ty::float(lw), light);
+                    let front = state.depth.map(|d| (-Expr::Local(d)).exp());
+                    self.count_bright(code, state, &light, (front.as_ref(), x.as_ref()));
+                }
                 code.add(radiance, light);
             }
         }

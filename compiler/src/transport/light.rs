@@ -5,11 +5,11 @@
 //! (Swinbank and Purser 2006), there drawn to where the phase function sends light. What a sample brings is attenuated by
 //! e^(−τ) along the way to its light and lost behind a surface.
 
-use super::cache::{Channel, DISC, SKY};
+use super::cache::{Channel, DISC};
 use super::shapes::{FAR, Ray};
 use super::trace::{Tracer, largest, least, widen};
 use crate::fields::{Code, Writer};
-use crate::ir::{Input, Light, LightKind, NodeId};
+use crate::ir::{Input, Light, LightKind};
 use crate::program::kernel::{Expr, FunctionId, LocalId, Math, Ty};
 use crate::program::{FrameValue, Ledger, OutputKind, StepRule};
 use std::f64::consts::PI;
@@ -75,7 +75,7 @@ pub(super) struct LightSample {
     /// On a plane facing it, in the width of light.
     pub(super) irradiance: Expr,
     /// Of a light with many samples: whether this one has an even number.
-    even: Option<Expr>,
+    pub(super) even: Option<Expr>,
     /// Where its column is kept.
     pub(super) channel: Channel,
 }
@@ -91,19 +91,34 @@ pub(super) enum Receiver<'r> {
 }
 
 /// The sums of a gathering function.
-struct Gathered {
-    sums: Vec<LocalId>,
+pub(super) struct Gathered {
+    pub(super) sums: Vec<LocalId>,
     /// Of each light with many samples, the sum of the even ones less that of the odd ones, of the brightest band: by the number
     /// of the light, of an environment without one.
-    alternating: Vec<(Option<u32>, LocalId)>,
-    error: Option<LocalId>,
+    pub(super) alternating: Vec<(Option<u32>, LocalId)>,
+    pub(super) error: Option<LocalId>,
     /// How much optical depth the rounding of the place may make, where that is counted.
-    unsure: Option<Expr>,
+    pub(super) unsure: Option<Expr>,
     /// Extinction there of the media whose depths are kept.
-    k_open: Option<Expr>,
+    pub(super) k_open: Option<Expr>,
     /// The plane behind which light is looked up.
-    plane: Option<Expr>,
-    work: Option<LocalId>,
+    pub(super) plane: Option<Expr>,
+    pub(super) work: Option<LocalId>,
+    /// The brightest light that a sample brought, whatever it counts.
+    pub(super) brightest: Option<LocalId>,
+}
+
+impl Gathered {
+    /// Adds what lights with many samples may be wrong by for their number to the error.
+    pub(super) fn count_alternating(&self, code: &mut Code) {
+        for (number, alternating) in &self.alternating {
+            let Some(error) = self.error else { continue };
+            // Half the samples of a sky alone would be wrong by about half this difference, all of them by less. A disc is cut by
+            // edges, where points on a spiral converge more slowly.
+            let share = if number.is_some() { 0.5 } else { 0.25 };
+            code.add(error, Expr::Local(*alternating).abs() * share);
+        }
+    }
 }
 
 impl Tracer<'_> {
@@ -249,7 +264,7 @@ impl Tracer<'_> {
         Self::around(code, to, frame, (&versine, &(Expr::F32(2.0) - versine.clone())), turns)
     }
 
-    fn is_even(code: &mut Code, number: LocalId) -> Expr {
+    pub(super) fn is_even(code: &mut Code, number: LocalId) -> Expr {
         let half = Expr::Local(number) * 0.5;
         code.bind("even", Ty::BOOL, half.clone().equal(Expr::math(Math::Floor, [half])))
     }
@@ -385,46 +400,6 @@ impl Tracer<'_> {
         code.push_loop(block);
     }
 
-    /// The directions whose columns are kept, the same at every place.
-    fn kept_environment(
-        &mut self,
-        code: &mut Code,
-        receiver: &Receiver<'_>,
-        node: NodeId,
-        each: &mut dyn FnMut(&mut Self, &mut Code, &LightSample),
-    ) {
-        let lw = self.scene.light_width;
-        let solid = match receiver {
-            // So few directions do not integrate every orientation's cosine to π: they are told to.
-            Receiver::Surface { normal } => {
-                let cosines = code.var("cosines", Ty::F32, 1e-3);
-                let j = code.var("direction_number", Ty::F32, 0.0);
-                code.open();
-                let to = Self::sky_direction(code, &j.into());
-                code.add(cosines, to.dot((*normal).clone()).max(0.0));
-                code.add(j, 1.0);
-                code.break_if(Expr::Local(j).greater_equal(f64::from(SKY)));
-                let block = code.close();
-                code.push_loop(block);
-                code.bind("solid", Ty::F32, Expr::F32(PI) / Expr::Local(cosines))
-            }
-            Receiver::Medium { .. } | Receiver::Path { .. } => Expr::F32(4.0 * PI / f64::from(SKY)),
-        };
-        let i = code.var("of_light", Ty::F32, 0.0);
-        code.open();
-        let to = Self::sky_direction(code, &i.into());
-        let value = self.along_ray(code, &to, &[node]).remove(0);
-        let e = widen(value, self.graph.width(node), lw) * solid.splat(lw);
-        let e = code.bind("irradiance", Ty::float(lw), e);
-        let even = Self::is_even(code, i);
-        let (limit, channel) = (Expr::F32(FAR), Channel::Sky(i.into()));
-        each(self, code, &LightSample { to, limit, irradiance: e, even: Some(even), channel });
-        code.add(i, 1.0);
-        code.break_if(Expr::Local(i).greater_equal(f64::from(SKY)));
-        let block = code.close();
-        code.push_loop(block);
-    }
-
     /// Adds what a sample brings, weighted in each sum, unless a surface is in the way.
     fn gather(&mut self, code: &mut Code, p: &Expr, sample: &LightSample, weights: &[Expr], into: &Gathered) {
         let (dw, lw) = (self.scene.depth_width, self.scene.light_width);
@@ -499,6 +474,9 @@ impl Tracer<'_> {
         for (sum, part) in into.sums.iter().zip(parts) {
             code.add(*sum, brought(part));
         }
+        if let Some(brightest) = into.brightest {
+            code.set(brightest, Expr::Local(brightest).max(largest(brought(&sample.irradiance), lw)));
+        }
         let number = match &sample.channel {
             Channel::Light(number) | Channel::Disc(number, _) => Some(*number),
             Channel::Sky(_) => None,
@@ -520,23 +498,29 @@ impl Tracer<'_> {
         off: Option<Expr>,
     ) {
         let Some(error) = into.error else { return };
-        let Some(off) = into.unsure.clone().into_iter().chain(off).reduce(|a, b| a + b) else { return };
         let dw = self.scene.depth_width;
-        let off = code.bind("depth_off", Ty::F32, off);
-        code.open();
-        let nearer = (depth.clone() - off.clone().splat(dw)).max(Expr::F32(0.0).splat(dw));
-        let gained = largest((-nearer).exp() - through.clone(), dw);
-        // Or there is something in the way that was not seen.
-        let lost = largest(through.clone(), dw) * (Expr::F32(1.0) - (-off.clone()).exp());
-        code.add(error, most.clone() * gained.max(lost));
-        let much = code.close();
-        code.open();
-        code.add(error, most.clone() * largest(through.clone(), dw) * off.clone());
-        let little = code.close();
-        code.push_if_else(off.greater(0.03), much, little);
+        let wrong = match (into.unsure.clone(), off) {
+            (None, None) => return,
+            // Where the place alone is unsure by more than is seen through there may be all the light or none. Otherwise e^x − 1 < x + x².
+            (Some(unsure), None) => {
+                let little = largest(through.clone(), dw) * (unsure.clone() * unsure.clone() + unsure.clone());
+                unsure.less(1.0).select(little, 1.0)
+            }
+            (unsure, Some(off)) => {
+                let off = unsure.into_iter().fold(off, |a, b| a + b);
+                let off = code.bind("depth_off", Ty::F32, off);
+                let nearer = (depth.clone() - off.clone().splat(dw)).max(Expr::F32(0.0).splat(dw));
+                let gained = largest((-nearer).exp() - through.clone(), dw);
+                // Or there is something in the way that was not seen.
+                let lost = largest(through.clone(), dw) * off.min(1.0);
+                gained.max(lost)
+            }
+        };
+        code.add(error, most.clone() * wrong);
     }
 
-    fn declare_sums(&self, code: &mut Code, count: usize) -> Gathered {
+    /// In `media` it matters where in them a place is.
+    fn declare_sums(&self, code: &mut Code, count: usize, media: bool) -> Gathered {
         let lw = self.scene.light_width;
         let wants_error = self.wants(OutputKind::Error) && !matches!(self.rule, StepRule::Closed);
         let sums = (0..count).map(|i| code.var(&format!("light_{i}"), Ty::float(lw), Expr::F32(0.0).splat(lw)));
@@ -546,17 +530,17 @@ impl Tracer<'_> {
         let soft = discs.chain(self.scene.environment.then_some(None)).filter(|_| self.wants(OutputKind::Error));
         let alternating: Vec<_> = soft.map(|number| (number, code.var("alternating", Ty::F32, 0.0))).collect();
         let shadow = self.shadow.as_ref();
+        let kept = self.cache.is_some() || self.buffered.is_some();
+        let unsure = kept || shadow.is_some_and(|s| media || s.error.is_some());
         Gathered {
             sums,
-            error: (!alternating.is_empty()
-                || (wants_error
-                    && (self.cache.is_some() || self.buffered.is_some() || shadow.is_some_and(|s| s.error.is_some()))))
-            .then(|| code.var("error", Ty::F32, 0.0)),
+            error: (!alternating.is_empty() || (wants_error && unsure)).then(|| code.var("error", Ty::F32, 0.0)),
             alternating,
             unsure: None,
             k_open: None,
             plane: None,
             work: shadow.is_some_and(|s| s.work.is_some()).then(|| code.var("work", Ty::F32, 0.0)),
+            brightest: None,
         }
     }
 
@@ -565,13 +549,7 @@ impl Tracer<'_> {
         let lw = self.scene.light_width;
         let (unsure, k_open) = (gathered.unsure.is_some(), gathered.k_open.is_some());
         let plane = gathered.plane.is_some();
-        for (number, alternating) in &gathered.alternating {
-            let Some(error) = gathered.error else { continue };
-            // Half the samples of a sky alone would be wrong by about half this difference, all of them by less. A disc is cut by
-            // edges, where points on a spiral converge more slowly.
-            let share = if number.is_some() { 0.5 } else { 0.25 };
-            code.add(error, Expr::Local(*alternating).abs() * share);
-        }
+        gathered.count_alternating(&mut code);
         let count = values.len() as u32;
         let extra = [gathered.error.map(|e| ("error", e)), gathered.work.map(|w| ("work", w))];
         let many = count > 1 || extra.iter().any(Option::is_some);
@@ -606,7 +584,7 @@ impl Tracer<'_> {
         let mut code = Code::new("in_scattered", None);
         let p = code.parameter("p", Ty::VEC3);
         let direction = code.parameter("direction", Ty::VEC3);
-        let mut gathered = self.declare_sums(&mut code, functions.len());
+        let mut gathered = self.declare_sums(&mut code, functions.len(), true);
         let deep = self.shadow.is_some() || self.cache.is_some() || self.buffered.is_some();
         if gathered.error.is_some() && deep {
             gathered.unsure = Some(code.parameter("unsure", Ty::F32));
@@ -620,12 +598,20 @@ impl Tracer<'_> {
         let most = if self.scene.phases.len() == 1 { NARROWEST } else { 0.98 };
         let narrow = (narrow.abs() > NARROW).then_some(narrow.clamp(-most, most));
         let receiver = Receiver::Medium { direction: &direction, narrow };
+        let sky = self.kept_sky(&mut code, &mut gathered);
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
             let each = functions.iter().enumerate();
             let weights: Vec<Expr> =
                 each.map(|(i, f)| this.phase_value(code, f.as_ref(), i, &p, (&sample.to, None), &direction)).collect();
-            this.gather(code, &p, sample, &weights, &gathered);
+            let into = match &sky {
+                Some(sky) if matches!(sample.channel, Channel::Sky(_)) => sky.gathering(code, &weights),
+                Some(_) | None => &gathered,
+            };
+            this.gather(code, &p, sample, &weights, into);
         });
+        if let Some(sky) = &sky {
+            sky.add_to(&mut code, &gathered);
+        }
         if self.scene.lights.is_empty() {
             ledger.omit("light of suns and lamps", "the environment is the only light", None);
         }
@@ -647,7 +633,7 @@ impl Tracer<'_> {
         let normal = code.parameter("normal", Ty::VEC3);
         let which = code.parameter("sheet", Ty::U32);
         let albedo = self.albedo(&mut code, &p, &which);
-        let gathered = self.declare_sums(&mut code, 1);
+        let gathered = self.declare_sums(&mut code, 1, false);
         let receiver = Receiver::Surface { normal: &normal };
         self.samples(&mut code, &p, &receiver, &mut |this, code, sample| {
             let cosine = code.bind("cosine", Ty::F32, sample.to.clone().dot(normal.clone()).max(0.0));

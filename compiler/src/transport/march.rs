@@ -406,6 +406,9 @@ impl Tracer<'_> {
                 let relative = clear / (share * (accuracy.clone() * SHARE).splat(dw)).max(Expr::F32(1e-30).splat(dw));
                 strict.push(largest(relative, dw));
             }
+            if let Some(unsure) = state.apart.depth {
+                pending.push((unsure, largest(off.clone(), dw)));
+            }
             if let (Some(error), Walk::Shadow { .. }) = (state.error, &self.walk) {
                 pending.push((error, largest(off, dw)));
             } else if let Some(error) = state.error {
@@ -421,13 +424,18 @@ impl Tracer<'_> {
             }
         }
         if let (Some(error), Some(off)) = (state.error, nodes.source_error()) {
-            let seen = front.map_or(Expr::F32(1.0), |f| largest(f, dw));
+            let seen = front.clone().map_or(Expr::F32(1.0), |f| largest(f, dw));
             // What is deep in a step cannot be seen.
-            let seen = match mean {
-                Some(mean) => seen * largest(mean, dw),
-                None => seen,
+            let off = match (mean, thinner, nodes.front_error()) {
+                (Some(mean), Some(x), Some((at_front, extinction))) => {
+                    let within = off * step.clone() * largest(mean.clone(), dw);
+                    let front = self.front_share((&x, &mean), extinction);
+                    within.max(at_front * largest(front, dw))
+                }
+                (Some(mean), ..) => off * step.clone() * largest(mean, dw),
+                (None, ..) => off * step.clone(),
             };
-            pending.push((error, seen * off * step.clone()));
+            pending.push((error, seen * off));
         }
         // Something is in this brick, and no sample has met it: it may lie between them.
         let seen = [x.clone().map(|x| largest(x, dw)), light_gain.clone().map(|l| largest(l, lw))];
@@ -481,6 +489,7 @@ impl Tracer<'_> {
         code.open();
         let before = if touched.is_some() { self.before(code, state) } else { [None, None] };
         if let (Some(radiance), Some(gain)) = (state.radiance, light_gain) {
+            self.count_bright(code, state, &gain, (front.as_ref(), x.as_ref()));
             code.add(radiance, gain);
         }
         if let (Some(depth), Some(x)) = (state.depth, x) {
@@ -507,7 +516,7 @@ impl Tracer<'_> {
         code.add(purse, bought.select(-cost, 0.0));
         code.add(s, step);
         code.break_if(last);
-        self.early_exit(code, state);
+        self.early_exit(code, state, segment);
         let taken = code.close();
         code.push_if(accept.clone(), taken);
         // A step cut short by a jump says nothing against the length it would have had.
@@ -540,11 +549,27 @@ impl Tracer<'_> {
     /// first sample decides; where nothing is, nothing is known of it.
     fn hidden_front(&self, (x, mean): (&Expr, &Expr), (source, extinction): (Expr, Expr), light: Expr) -> Expr {
         let (dw, ew, lw) = (self.scene.depth_width, self.source_width(), self.scene.light_width);
-        let one = || Expr::F32(1.0).splat(dw);
-        let thick = (one() - mean.clone() * Expr::F32(2.0).splat(dw)).max(Expr::F32(0.0).splat(dw));
-        let stopped = (one() - (-x.clone()).exp()) / extinction.max(Expr::F32(1e-30).splat(dw));
-        let front = (widen(source, ew, lw) * widen(stopped, dw, lw)).min(Expr::F32(1e30).splat(lw));
+        let thick = self.thickness(mean);
+        let front = (widen(source, ew, lw) * widen(self.stopped(x, extinction), dw, lw)).min(Expr::F32(1e30).splat(lw));
         (front - light).abs() * widen(thick, dw, lw)
+    }
+
+    /// The length over which a step of depth x would be seen if the extinction were everywhere as where it begins, as far as it is
+    /// too thick for what lies deep in it to matter.
+    fn front_share(&self, (x, mean): (&Expr, &Expr), extinction: Expr) -> Expr {
+        self.stopped(x, extinction) * self.thickness(mean)
+    }
+
+    /// (1 − e^(−x))/k_t.
+    fn stopped(&self, x: &Expr, extinction: Expr) -> Expr {
+        let wide = |value: f64| Expr::F32(value).splat(self.scene.depth_width);
+        (wide(1.0) - (-x.clone()).exp()) / extinction.max(wide(1e-30))
+    }
+
+    /// From 0 of what can be seen through to 1 of what cannot, by the mean transmittance within.
+    fn thickness(&self, mean: &Expr) -> Expr {
+        let wide = |value: f64| Expr::F32(value).splat(self.scene.depth_width);
+        (wide(1.0) - mean.clone() * wide(2.0)).max(wide(0.0))
     }
 
     /// Leaps over empty bricks.
@@ -587,51 +612,5 @@ impl Tracer<'_> {
             let bricked = self.bricked(media);
             code.push_if(bricked, leap);
         }
-    }
-
-    /// Leaves the loop when nothing behind can be seen any more, and adds what that may cost to the error.
-    fn early_exit(&mut self, code: &mut Code, state: &State) {
-        let (Some(depth), false) = (state.depth, self.wants(OutputKind::OpticalDepth)) else { return };
-        let thin = code.bind("thinnest", Ty::F32, least(depth.into(), self.scene.depth_width));
-        match self.brightest() {
-            // Every source function behind is at most this bright.
-            Some(bound) if state.error.is_some() && matches!(self.walk, Walk::Eye) => {
-                let accuracy = self.builder.frame(FrameValue::Accuracy);
-                let white = self.builder.frame(FrameValue::White);
-                let rest = code.bind("rest_bound", Ty::F32, (-thin.clone()).exp() * bound.max(1e-30));
-                let transparent = (-thin.clone()).exp().less(accuracy.clone() * 0.05);
-                let dim = rest.clone().less(accuracy * 0.05 * white);
-                code.open();
-                state.add_error(code, Origin::Storage, rest);
-                code.break_();
-                let leave = code.close();
-                code.push_if(dim.and(transparent), leave);
-                code.break_if(thin.greater(OPAQUE));
-            }
-            // No bound is known: what lies behind is taken to be at most ten times as bright as what has been seen.
-            None if state.error.is_some() && matches!(self.walk, Walk::Eye) => {
-                let accuracy = self.builder.frame(FrameValue::Accuracy);
-                let white = self.builder.frame(FrameValue::White);
-                let seen = match state.radiance {
-                    Some(radiance) => largest(radiance.into(), self.scene.light_width),
-                    None => Expr::F32(0.0),
-                };
-                let through = code.bind("through", Ty::F32, (-thin.clone()).exp());
-                let rest = code.bind("rest_bound", Ty::F32, through.clone() * (seen.clone() * 10.0).max(white.clone()));
-                let dim = rest.clone().less(accuracy.clone() * 0.05 * white.max(seen));
-                code.open();
-                state.add_error(code, Origin::Storage, rest);
-                code.break_();
-                let leave = code.close();
-                code.push_if(dim.and(through.less(accuracy * 0.05)), leave);
-                code.break_if(thin.greater(OPAQUE));
-            }
-            Some(_) | None => code.break_if(thin.greater(OPAQUE)),
-        }
-    }
-
-    /// An upper bound of all source functions k_e/k_t, if one is known.
-    fn brightest(&self) -> Option<f64> {
-        self.scene.matter.iter().map(|m| m.source_bound).try_fold(0.0f64, |a, b| Some(a.max(b?)))
     }
 }

@@ -50,7 +50,7 @@ pub(super) struct Matter {
     pub(super) closed: Option<Vec<ExponentialTerm>>,
     /// k_e/k_t, if that does not depend on the position.
     pub(super) source: Option<NodeId>,
-    /// Largest k_e/k_t, if a bound is known now.
+    /// Largest k_e/k_t, if a bound is known now; what is scattered not counted.
     pub(super) source_bound: Option<f64>,
     /// Coefficients not known to be finite and ≥ 0.
     pub(super) checks: Vec<Check>,
@@ -213,7 +213,6 @@ impl Scene {
                     closed,
                     source: quotient.filter(|q| is_hosted(&tiers, *q)),
                     source_bound: match (emission, quotient) {
-                        _ if scattering.is_some() => None,
                         (None, _) => Some(0.0),
                         (Some(_), Some(q)) => bound(range(q)).filter(|b| *b < 1e30),
                         (Some(_), None) => None,

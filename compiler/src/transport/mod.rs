@@ -6,10 +6,12 @@
 
 pub(crate) mod aim;
 mod bricks;
+mod bright;
 mod cache;
 mod closed;
 pub(crate) mod edges;
 mod endless;
+mod exit;
 pub(crate) mod half;
 pub(crate) mod layers;
 mod light;
@@ -28,6 +30,7 @@ mod shapes;
 mod sheets;
 pub(crate) mod slab;
 mod sides;
+mod sky;
 mod stride;
 mod survey;
 mod trace;

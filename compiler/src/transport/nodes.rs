@@ -155,6 +155,12 @@ impl Nodes {
         self.error.as_ref().map(|f| (Expr::Local(f.first) + Expr::Local(f.second)) * 0.5)
     }
 
+    /// The same where the step begins, and the extinction there.
+    pub(super) fn front_error(&self) -> Option<(Expr, Expr)> {
+        let (error, extinction) = (self.error.as_ref()?, self.extinction.as_ref()?);
+        Some((error.start.into(), extinction.start.into()))
+    }
+
     fn all(&self) -> impl Iterator<Item = &Followed> {
         [&self.extinction, &self.source, &self.error].into_iter().flatten()
     }

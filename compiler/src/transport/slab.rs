@@ -152,7 +152,7 @@ impl Tracer<'_> {
         let [radiance, depth, error, rounding, work, fault] = sums;
         let fault_at = fault_at.map(|at| code.var("at", Ty::VEC3, at));
         // Slabs leave nothing out on purpose.
-        let apart = Apart { rounding, storage: None };
+        let apart = Apart { rounding, ..Apart::default() };
         let state = State { depth, radiance, error, apart, work, fault, fault_at, projected: None };
         let hit = nearest.map(|nearest| {
             let arguments = vec![ray.origin.clone(), ray.direction.clone(), start, Expr::F32(FAR)];

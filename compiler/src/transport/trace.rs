@@ -117,6 +117,8 @@ pub(crate) struct Tracer<'a> {
 pub(super) struct Apart {
     pub(super) rounding: Option<LocalId>,
     pub(super) storage: Option<LocalId>,
+    /// What the optical depth may be wrong by so far, where light lies behind it.
+    pub(super) depth: Option<LocalId>,
 }
 
 /// Where an error comes from, if not from the rule that integrates.
@@ -476,8 +478,10 @@ impl Tracer<'_> {
         let error = ((steps || ends) && self.wants(OutputKind::Error)).then(|| code.var("error", Ty::F32, 0.0));
         let mut part = |kind, name| (error.is_some() && self.wants(kind)).then(|| code.var(name, Ty::F32, 0.0));
         let rounding = part(OutputKind::Rounding, "rounding");
-        let apart = Apart { rounding, storage: part(OutputKind::Storage, "storage") };
+        let storage = part(OutputKind::Storage, "storage");
         let adaptive = matches!(self.rule, StepRule::Adaptive(_));
+        let unsure = adaptive && error.is_some() && depth.is_some();
+        let apart = Apart { rounding, storage, depth: unsure.then(|| code.var("depth_unsure", Ty::F32, 0.0)) };
         let work =
             (steps && (adaptive || self.wants(OutputKind::Evaluations))).then(|| code.var("work", Ty::U32, 0u32));
         let checked = through && scene.matter.iter().any(|m| !m.checks.is_empty()) && self.wants(OutputKind::Fault);
@@ -816,7 +820,11 @@ impl Tracer<'_> {
     ) -> Expr {
         let width = self.scene.light_width;
         let light = state.radiance.map(Expr::Local);
-        let behind = self.behind(code, ray, state, hit, reflected).map(|value| self.weighted(state, value, width));
+        let behind = self.behind(code, ray, state, hit, reflected);
+        if let Some(value) = &behind {
+            self.count_bright_behind(code, state, value);
+        }
+        let behind = behind.map(|value| self.weighted(state, value, width));
         match (light, behind) {
             (Some(light), Some(behind)) => light + behind,
             (Some(light), None) | (None, Some(light)) => light,

@@ -12,7 +12,7 @@ use super::gauss::N;
 use super::gauss::Nodes;
 use super::light::{Arrival, Beam};
 use super::shade::Depth;
-use super::sphere::{OfDirection, Values, changes, over_cap};
+use super::sphere::{OfDirection, Values, changes, over_cap, over_cap_roughly};
 use super::surface::{Hit, Spot, SurfaceForm};
 use super::trace::{BANDS, PerBand, Worker};
 use crate::frame::vector::{Vec3, dot, normalize, scale, sub};
@@ -332,8 +332,17 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
         (axis, cuts): (Vec3, &[f64]),
     ) -> Result<Behind, Diagnostic> {
         let (bands, relative) = (self.bands, self.eased());
+        let absolute = match receiver {
+            // A surface reflects no more than 1/π of it.
+            Receiver::Surface(_) => PI * self.enough,
+            // Of a source all along the stretch.
+            Receiver::Media { .. } => self.enough / self.lit.max(1e-300),
+        };
+        // The discs of suns are smaller than what lies before them, mostly.
+        let rough = self.lean && radiance.is_none();
         let mut gather = Gather { worker: self, place, radiance, receiver, tolerance: 0.1 * relative, blur };
-        let found = over_cap(&mut gather, axis, cuts, bands, relative)?;
+        let over = if rough { over_cap_roughly } else { over_cap };
+        let found = over(&mut gather, axis, cuts, bands, (relative, absolute))?;
         Ok(Behind { radiance: found.value, wrong: found.error, rough: true })
     }
 
@@ -403,6 +412,7 @@ impl<V: Voxels + ?Sized> Worker<'_, V> {
             options.max_evaluations = options.max_evaluations.saturating_mul(64);
         }
         self.inner = INNER * if fields.scatters || areas { options.rtol.max(floor) } else { options.rtol };
+        self.enough = INNER * options.atol;
         options
     }
 }

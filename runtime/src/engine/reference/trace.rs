@@ -67,6 +67,9 @@ pub(super) struct Worker<'r, V: ?Sized> {
     pub(super) front: PerBand,
     /// Tolerance of what arrives at a point: relative, of an optical depth absolute.
     pub(super) inner: f64,
+    /// What may be left out of the light that is scattered into the ray, and along how much of it any is.
+    pub(super) enough: f64,
+    pub(super) lit: f64,
     /// Rough tolerances: cheaper tapes.
     pub(super) lean: bool,
     /// Rougher still: fewer cuts.
@@ -108,6 +111,8 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
             marks: vec![],
             front: [0.0; BANDS],
             inner: 0.0,
+            enough: 0.0,
+            lit: 0.0,
             lean: false,
             rough: false,
             evaluations: 0,
@@ -382,6 +387,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
         let mut segments = self.segments(&inside);
         let reach = hit.map_or(f64::INFINITY, |h| h.t);
         let veils = self.veils(&mut segments, reach, &behind, options);
+        self.lit = segments.iter().filter(|s| s.scatters).map(|s| s.end - s.start).sum();
         if let Some(steps) = options.steps {
             return super::fixed::march(self, ray, &segments, &veils, &behind, steps);
         }
@@ -402,6 +408,7 @@ impl<'r, V: Voxels + ?Sized> Worker<'r, V> {
                     (true, _) if still => 4,
                     // Light from everywhere costs much and varies little.
                     (true, true) if self.fields.environment => 6,
+                    (true, false) if self.fields.environment && self.lean => 12,
                     (_, true) => 16,
                     (_, false) => 32,
                 };
