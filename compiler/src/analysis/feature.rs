@@ -192,8 +192,7 @@ fn norm(values: Vec<f64>) -> f64 {
 }
 
 fn is_sampled(graph: &Graph, node: NodeId) -> bool {
-    let live = graph.reachable(&[node]);
-    graph.ids().any(|id| live[id.0 as usize] && matches!(graph.op(id), Op::Sample { .. }))
+    graph.reads(&[node], |op| matches!(op, Op::Sample { .. }))
 }
 
 /// The steepness of a vector is that of its steepest component: cells are counted per axis.

@@ -215,9 +215,8 @@ pub fn narrow(graph: &mut Graph, push: Push<'_>, roots: &[NodeId]) -> Vec<Narrow
 
 /// Whether a field varies with the position, and not by lattice noise.
 fn smooth(graph: &Graph, node: NodeId) -> bool {
-    let live = graph.reachable(&[node]);
-    let any = |f: &dyn Fn(&Op) -> bool| graph.ids().any(|id| live[id.0 as usize] && f(graph.op(id)));
-    any(&|op| matches!(op, Op::Input(Input::Position))) && !any(&|op| matches!(op, Op::CellHash { .. }))
+    graph.reads(&[node], |op| matches!(op, Op::Input(Input::Position)))
+        && !graph.reads(&[node], |op| matches!(op, Op::CellHash { .. }))
 }
 
 #[cfg(test)]

@@ -140,18 +140,22 @@ impl KernelBuilder {
     /// Lower corner, bricks per unit of length and number of bricks of a medium's lattice.
     pub fn lattice(&mut self, number: u32, name: &str) -> [Expr; 3] {
         let parts = [(BricksPart::Low, "low"), (BricksPart::PerUnit, "per_unit"), (BricksPart::Counts, "counts")];
-        parts.map(|(part, word)| self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part)))
+        parts.map(|part| self.of_bricks(number, name, part))
     }
 
     /// How far the support of a medium rises over spans: two times three.
     pub fn rises(&mut self, number: u32, name: &str) -> [Expr; 2] {
         let parts = [(BricksPart::RiseNear, "rise_near"), (BricksPart::RiseFar, "rise_far")];
-        parts.map(|(part, word)| self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part)))
+        parts.map(|part| self.of_bricks(number, name, part))
     }
 
     /// Over which length the coefficients of a medium rise from nothing.
     pub fn grain(&mut self, number: u32, name: &str) -> Expr {
-        self.uniform(&format!("{name}_grain"), 3, false, UniformSource::Bricks(number, BricksPart::Grain)).component(0)
+        self.of_bricks(number, name, (BricksPart::Grain, "grain")).component(0)
+    }
+
+    fn of_bricks(&mut self, number: u32, name: &str, (part, word): (BricksPart, &str)) -> Expr {
+        self.uniform(&format!("{name}_{word}"), 3, false, UniformSource::Bricks(number, part))
     }
 
     /// The list of rays.

@@ -405,6 +405,13 @@ impl Graph {
         }
     }
 
+    /// Whether the roots need a node with such an operation, in entries of the tables they look up too.
+    #[must_use]
+    pub fn reads(&self, roots: &[NodeId], wanted: impl Fn(&Op) -> bool) -> bool {
+        let live = self.reachable(roots);
+        self.ids().any(|id| live[id.0 as usize] && wanted(self.op(id)))
+    }
+
     /// Marks every node that the roots need, entries of the tables they look up included.
     #[must_use]
     pub fn reachable(&self, roots: &[NodeId]) -> Vec<bool> {

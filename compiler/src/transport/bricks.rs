@@ -87,9 +87,7 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
     };
     let narrow = narrow.into_iter().map(|n| Narrow { argument: n.argument, gradient: n.gradient, bands: n.bands });
     let cell = feature_length(&scene.graph, &roots);
-    let live = scene.graph.reachable(&roots);
-    let noise = scene.graph.ids().any(|id| live[id.0 as usize] && matches!(scene.graph.op(id), Op::CellHash { .. }));
-    let grain = cell.filter(|_| noise);
+    let grain = cell.filter(|_| scene.graph.reads(&roots, is_noise));
     let support = match rule {
         StepRule::Closed | StepRule::Adaptive(_) if grain.is_some() => support(&mut scene.graph, push, &roots),
         StepRule::Closed
@@ -114,10 +112,13 @@ fn bounds_of(scene: &mut FieldScene, m: &Matter, rule: StepRule) -> MediumBounds
 
 /// Whether a field is noise, alone or with other things that the runtime can evaluate without voxels.
 fn is_measurable(graph: &Graph, node: NodeId) -> bool {
-    let live = graph.reachable(&[node]);
-    let any = |f: &dyn Fn(&Op) -> bool| graph.ids().any(|id| live[id.0 as usize] && f(graph.op(id)));
-    any(&|op| matches!(op, Op::CellHash { .. }))
-        && !any(&|op| matches!(op, Op::Sample { .. } | Op::SampleGradient { .. } | Op::Input(Input::Direction)))
+    let voxels_or_way =
+        |op: &Op| matches!(op, Op::Sample { .. } | Op::SampleGradient { .. } | Op::Input(Input::Direction));
+    graph.reads(&[node], is_noise) && !graph.reads(&[node], voxels_or_way)
+}
+
+fn is_noise(op: &Op) -> bool {
+    matches!(op, Op::CellHash { .. })
 }
 
 /// Share of the way across a brick than which no step need be shorter.
@@ -367,20 +368,16 @@ impl Tracer<'_> {
         let mut code = Code::new(&name, matter.span);
         let below = code.parameter("below", Ty::F32);
         let way = code.var("way", Ty::F32, 0.0);
-        let mut before = (0.0, Expr::F32(0.0));
+        let mut before: Option<(f64, Expr)> = None;
         for (i, span) in SPANS.into_iter().enumerate() {
             let rise = rises[i / 3].clone().component((i % 3) as u8);
-            let past = match i {
-                0 => below.clone(),
-                _ => below.clone() - before.1.clone(),
-            };
-            let more = match i {
-                0 => rise.clone(),
-                _ => rise.clone() - before.1,
+            let (apart, past, more) = match before {
+                None => (span, below.clone(), rise.clone()),
+                Some((shorter, lower)) => (span - shorter, below.clone() - lower.clone(), rise.clone() - lower),
             };
             let share = Expr::math(Math::Clamp, [past / more.max(1e-30), 0.0.into(), 1.0.into()]);
-            code.add(way, share * ((span - before.0) * cell * f64::from(NODES - 1)));
-            before = (span, rise);
+            code.add(way, share * (apart * cell * f64::from(NODES - 1)));
+            before = Some((span, rise));
         }
         code.return_(Expr::Local(way));
         Some(self.builder.add_function(code.finish(Some(Ty::F32))))

@@ -29,10 +29,8 @@ pub fn findings(program: &Program, grids: Option<&Grids>) -> Diagnostics {
     let params = scene.defaults();
     let sampled = |medium: usize| {
         let m = &scene.media[medium];
-        let live = scene.graph.reachable(&[m.k_a, m.k_s, m.k_e]);
-        scene.graph.ids().any(|id| {
-            live[id.0 as usize] && matches!(scene.graph.op(id), Op::Sample { .. } | Op::SampleGradient { .. })
-        })
+        let voxels = |op: &Op| matches!(op, Op::Sample { .. } | Op::SampleGradient { .. });
+        scene.graph.reads(&[m.k_a, m.k_s, m.k_e], voxels)
     };
     let none = Grids::default();
     let skip = |medium: usize| grids.is_none() && sampled(medium);

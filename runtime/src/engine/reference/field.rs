@@ -468,8 +468,7 @@ fn is_something(graph: &Graph, node: NodeId) -> bool {
 }
 
 fn uses_direction(graph: &Graph, node: NodeId) -> bool {
-    let live = graph.reachable(&[node]);
-    graph.ids().any(|id| live.get(id.0 as usize) == Some(&true) && *graph.op(id) == Op::Input(Input::Direction))
+    graph.reads(&[node], |op| *op == Op::Input(Input::Direction))
 }
 
 /// What nodes of tier Frame depend on.
